@@ -1,0 +1,1 @@
+"""The wiring of landslope and its commands: settings, clock, replay, daemon, command line."""

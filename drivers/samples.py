@@ -1,0 +1,118 @@
+"""What drivers hand to the companion: plain samples with the companion's own arrival time.
+
+``arrival_us`` is the companion's clock in microseconds: the log's stamp in a replay, the monotonic clock set
+against the wall clock once at the start when live. ``boot_us`` is the autopilot's time since boot.
+Angles are aerospace roll, pitch, yaw (body FRD in world NED), rates body FRD, all SI and radians.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One camera frame; ``image`` is (height, width) uint8 grey; ``stamp_us`` as the camera driver stamped it."""
+
+    number: int
+    stamp_us: int
+    arrival_us: int
+    image: NDArray[np.uint8]
+
+
+@dataclass(frozen=True, slots=True)
+class Attitude:
+    """ATTITUDE (or ATTITUDE_QUATERNION where that is all there is)."""
+
+    arrival_us: int
+    boot_us: int
+    roll: float
+    pitch: float
+    yaw: float
+    rollspeed: float = 0.0
+    pitchspeed: float = 0.0
+    yawspeed: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class AngularRate:
+    """The gyro of RAW_IMU, SCALED_IMU or HIGHRES_IMU in rad/s, body FRD; ``source`` is the message's name."""
+
+    arrival_us: int
+    boot_us: int
+    x: float
+    y: float
+    z: float
+    source: str = "RAW_IMU"
+
+
+@dataclass(frozen=True, slots=True)
+class Velocity:
+    """LOCAL_POSITION_NED: position in m and velocity in m/s, world NED."""
+
+    arrival_us: int
+    boot_us: int
+    position_ned: tuple[float, float, float]
+    velocity_ned: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Heartbeat:
+    """The autopilot's HEARTBEAT; ``mode`` is the flight mode by name ("GUIDED", "LAND", ...)."""
+
+    arrival_us: int
+    armed: bool
+    mode: str
+    autopilot: str
+    system_status: int
+
+
+@dataclass(frozen=True, slots=True)
+class LandedState:
+    """EXTENDED_SYS_STATE: "undefined", "on_ground", "in_air", "takeoff" or "landing"."""
+
+    arrival_us: int
+    state: str
+
+
+@dataclass(frozen=True, slots=True)
+class RcChannels:
+    """RC_CHANNELS: pulse widths in microseconds, channel 1 first; 0 where there is none."""
+
+    arrival_us: int
+    pulse_us: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class ClockOffset:
+    """One TIMESYNC round trip: companion clock minus autopilot clock, and the trip's length."""
+
+    arrival_us: int
+    boot_us: int
+    offset_us: int
+    round_trip_us: int
+
+
+@dataclass(frozen=True, slots=True)
+class CommandAnswer:
+    """COMMAND_ACK to a command of ours; ``result`` by MAVLink name without the prefix ("ACCEPTED", ...)."""
+
+    arrival_us: int
+    command: int
+    result: str
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """An input that was refused, with a named reason; counted, never dropped in silence."""
+
+    arrival_us: int
+    source: str
+    reason: str
+    detail: str = field(default="", compare=False)
+
+
+Sample = (
+    Frame | Attitude | AngularRate | Velocity | Heartbeat | LandedState | RcChannels | ClockOffset | CommandAnswer | Refusal
+)

@@ -1,0 +1,62 @@
+"""What one step of the pipeline returns."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+NAN = math.nan
+
+
+@dataclass(frozen=True, slots=True)
+class TrackView:
+    """The tracks behind an estimate, for pictures: pixels of the raw (distorted) image.
+
+    ``previous_px`` and ``current_px`` are (n, 2); ``inlier`` (n,) bool: the track moves as the plane says;
+    ``height`` (n,) height of the point over the plane, over the distance along the axis (NaN: unknown).
+    """
+
+    previous_px: NDArray[np.float64]
+    current_px: NDArray[np.float64]
+    inlier: NDArray[np.bool_]
+    height: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class SurfaceEstimate:
+    """The surface below at one frame. Camera frame unless said; NaN where the motion does not tell.
+
+    ``status`` is "ok" or the reason there is no estimate. Standard deviations are one sigma.
+    """
+
+    frame: int
+    time_s: float
+    status: str
+    method: str
+    ventral_flow_x: float = NAN
+    ventral_flow_y: float = NAN
+    divergence: float = NAN
+    time_to_contact_s: float = NAN
+    slope_x_deg: float = NAN
+    slope_y_deg: float = NAN
+    slope_x_std_deg: float = NAN
+    slope_y_std_deg: float = NAN
+    roll_deg: float = NAN
+    pitch_deg: float = NAN
+    surface_pitch_deg: float = NAN
+    surface_roll_deg: float = NAN
+    inclination_deg: float = NAN
+    inclination_std_deg: float = NAN
+    downhill_bearing_deg: float = NAN
+    roughness: float = NAN
+    roughness_std: float = NAN
+    height_m: float = NAN
+    height_std_m: float = NAN
+    features: int = 0
+    inlier_fraction: float = NAN
+    fit_error_px: float = NAN
+    coverage: float = NAN
+    flat: bool = False
+    against_flat: tuple[str, ...] = ()
+    tracks: TrackView | None = field(default=None, compare=False)

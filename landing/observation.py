@@ -1,0 +1,25 @@
+"""What one step of the pipeline is given."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """One exposure and what the vehicle knew of itself at its middle.
+
+    ``image`` is (height, width) uint8 grey. ``time_s`` counts from any fixed origin and rises from
+    observation to observation. ``ned_from_body`` is the (3, 3) attitude at mid-exposure, or None;
+    ``rotation_std_rad`` the standard deviation of the error of the rotation between two exposures, per axis
+    (timing, interpolation, sensor). ``velocity_ned`` is (3,) m/s with one standard deviation for all axes.
+    """
+
+    frame: int
+    time_s: float
+    image: NDArray[np.uint8]
+    ned_from_body: NDArray[np.float64] | None = None
+    rotation_std_rad: float = 1e-3
+    velocity_ned: NDArray[np.float64] | None = None
+    velocity_std: float = 0.2
