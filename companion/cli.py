@@ -1,0 +1,55 @@
+"""The command line: one table of commands, each a module of its own that is imported only when it is called."""
+
+import argparse
+import importlib
+import sys
+
+from companion.errors import LandslopeError
+from drivers.errors import DriverError
+from landing.errors import LandingError
+
+COMMANDS = {
+    "replay": ("companion.replay_command", "run recorded flights, videos or image folders through the pipeline"),
+    "check": ("companion.check_command", "say what is wrong with a settings file, or print the settings in force"),
+    "watch": ("companion.watch_command", "show a vehicle's messages live in the terminal"),
+}
+"""Name -> (module with add_arguments(parser) and run(args) -> exit code, one line of help)."""
+
+
+def parser_for(name: str) -> argparse.ArgumentParser:
+    """The argument parser of one command."""
+    module = importlib.import_module(COMMANDS[name][0])
+    parser = argparse.ArgumentParser(prog=f"landslope {name}", description=module.__doc__)
+    module.add_arguments(parser)
+    parser.set_defaults(run=module.run)
+    return parser
+
+
+def usage() -> str:
+    """The list of commands."""
+    width = max(map(len, COMMANDS))
+    lines = [f"  {name:<{width}}  {text}" for name, (_, text) in COMMANDS.items()]
+    return "usage: landslope COMMAND ...\n\n" + "\n".join(lines) + "\n\n'landslope COMMAND --help' tells more."
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run one command; errors end as one line on stderr and exit code 2."""
+    words = sys.argv[1:] if argv is None else argv
+    if not words or words[0] in ("-h", "--help", "help"):
+        print(usage())
+        return 0 if words else 2
+    if words[0] not in COMMANDS:
+        print(f"landslope: there is no command '{words[0]}'\n\n{usage()}", file=sys.stderr)
+        return 2
+    args = parser_for(words[0]).parse_args(words[1:])
+    try:
+        return args.run(args)
+    except (LandslopeError, DriverError, LandingError) as error:
+        print(f"landslope {words[0]}: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())
