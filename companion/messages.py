@@ -1,103 +1,112 @@
-"""Every message landslope publishes: its fields, its key, its rate. Field names are a contract: add, never rename."""
+"""Every message: fields with meaning and unit, key, rate. Field names are a contract: add, never rename."""
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 
 from landing.estimate import SurfaceEstimate
 
 
+def about(meaning: str, unit: str = "") -> msgspec.Meta:
+    """What a field means and its unit; goes into the JSON Schema and the documentation."""
+    return msgspec.Meta(description=meaning, extra_json_schema={"unit": unit} if unit else None)
+
+
 class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     """The surface below at one frame. Unknown numbers are null."""
 
-    frame: int
-    time_unix_us: int
-    time_boot_s: float | None
-    status: str
-    method: str
-    ventral_flow_x: float | None
-    ventral_flow_y: float | None
-    divergence: float | None
-    time_to_contact_s: float | None
-    slope_x_deg: float | None
-    slope_y_deg: float | None
-    slope_x_std_deg: float | None
-    slope_y_std_deg: float | None
-    roll_deg: float | None
-    pitch_deg: float | None
-    surface_pitch_deg: float | None
-    surface_roll_deg: float | None
-    inclination_deg: float | None
-    inclination_std_deg: float | None
-    downhill_bearing_deg: float | None
-    roughness: float | None
-    roughness_std: float | None
-    height_m: float | None
-    height_std_m: float | None
-    features: int
-    inlier_fraction: float | None
-    fit_error_px: float | None
-    flat: bool
-    against_flat: tuple[str, ...]
-    calibrated: bool
+    frame: Annotated[int, about("number of the camera frame")]
+    time_unix_us: Annotated[int, about("middle of the exposure, companion clock since 1970", "us")]
+    time_boot_s: Annotated[float | None, about("the same instant in the autopilot's time since boot", "s")]
+    status: Annotated[str, about('"ok", or why there is no estimate')]
+    method: Annotated[str, about('the estimator: "map" or "quadratic"')]
+    ventral_flow_x: Annotated[float | None, about("velocity along the image's x over the distance", "1/s")]
+    ventral_flow_y: Annotated[float | None, about("velocity along the image's y over the distance", "1/s")]
+    divergence: Annotated[
+        float | None, about("divergence of the flow; positive when the surface comes nearer", "1/s")
+    ]
+    time_to_contact_s: Annotated[float | None, about("2 / divergence", "s")]
+    slope_x_deg: Annotated[float | None, about("slope along the camera's x", "deg")]
+    slope_y_deg: Annotated[float | None, about("slope along the camera's y", "deg")]
+    slope_x_std_deg: Annotated[float | None, about("standard deviation of slope_x_deg", "deg")]
+    slope_y_std_deg: Annotated[float | None, about("standard deviation of slope_y_deg", "deg")]
+    roll_deg: Annotated[float | None, about("the vehicle's roll at the exposure", "deg")]
+    pitch_deg: Annotated[float | None, about("the vehicle's pitch at the exposure", "deg")]
+    surface_pitch_deg: Annotated[
+        float | None, about("slope along the vehicle's x, its pitch subtracted", "deg")
+    ]
+    surface_roll_deg: Annotated[
+        float | None, about("slope along the vehicle's y, its roll subtracted", "deg")
+    ]
+    inclination_deg: Annotated[
+        float | None, about("angle between the surface's normal and the vertical", "deg")
+    ]
+    inclination_std_deg: Annotated[float | None, about("standard deviation of inclination_deg", "deg")]
+    downhill_bearing_deg: Annotated[
+        float | None, about("where the surface falls to, clockwise from north", "deg")
+    ]
+    roughness: Annotated[float | None, about("RMS relief of the surface over its distance")]
+    roughness_std: Annotated[float | None, about("standard deviation of roughness")]
+    height_m: Annotated[float | None, about("distance to the surface along the camera's axis", "m")]
+    height_std_m: Annotated[float | None, about("standard deviation of height_m", "m")]
+    features: Annotated[int, about("tracks used")]
+    inlier_fraction: Annotated[float | None, about("share of the tracks that move as the plane says")]
+    fit_error_px: Annotated[float | None, about("RMS residual of the inliers", "px")]
+    flat: Annotated[bool, about("this frame's surface is flat and level enough")]
+    against_flat: Annotated[tuple[str, ...], about("what stands against flat, in words")]
+    calibrated: Annotated[bool, about("whether the camera is calibrated")]
 
 
 class Decision(msgspec.Struct, frozen=True, kw_only=True):
     """What is made of the estimates: the verdict with hysteresis and dwell, and the permit."""
 
-    frame: int
-    time_unix_us: int
-    verdict: str
-    """"fit", "unfit" or "unknown"."""
-    reasons: tuple[str, ...]
-    """What stands against landing, in words; empty when the surface is fit."""
-    since_unix_us: int
-    permitted: bool
-    """Whether a request may go out now."""
-    withheld: tuple[str, ...]
-    """What stands against the permission, in words."""
-    requested: bool
-    """Whether a landing was requested under the present permission."""
-    command: str
-    """State of the command: "none", "requested", "accepted", "landing", "landed", or why it failed."""
+    frame: Annotated[int, about("number of the camera frame decided at")]
+    time_unix_us: Annotated[int, about("middle of that frame's exposure, companion clock since 1970", "us")]
+    verdict: Annotated[str, about('"fit", "unfit" or "unknown"')]
+    reasons: Annotated[
+        tuple[str, ...], about("what stands against landing, in words; empty when the surface is fit")
+    ]
+    since_unix_us: Annotated[int, about("since when the verdict stands", "us")]
+    permitted: Annotated[bool, about("whether a request may go out now")]
+    withheld: Annotated[tuple[str, ...], about("what stands against the permission, in words")]
+    requested: Annotated[bool, about("whether a landing was requested under the present permission")]
+    command: Annotated[str, about('"none", "requested", "accepted", "landing", "landed", or why it failed')]
 
 
 class InputHealth(msgspec.Struct, frozen=True, kw_only=True):
     """One input: how often it comes and how old the newest is."""
 
-    state: str
-    count: int
-    refused: int
-    rate_hz: float | None
-    age_s: float | None
+    state: Annotated[str, about('"ok", or what is wrong with this input')]
+    count: Annotated[int, about("samples taken since the start")]
+    refused: Annotated[int, about("samples refused since the start")]
+    rate_hz: Annotated[float | None, about("rate over the last seconds", "Hz")]
+    age_s: Annotated[float | None, about("age of the newest sample", "s")]
 
 
 class Health(msgspec.Struct, frozen=True, kw_only=True):
     """The state of every input and what is wrong, once a second."""
 
-    time_unix_us: int
-    state: str
-    """"ok", "degraded" or "failed"."""
-    problems: tuple[str, ...]
-    inputs: dict[str, InputHealth]
-    counters: dict[str, int]
-    clock_offset_s: float | None
-    clock_std_s: float | None
-    pipeline_ms: float | None
+    time_unix_us: Annotated[int, about("when, companion clock since 1970", "us")]
+    state: Annotated[str, about('"ok", "degraded" or "failed"')]
+    problems: Annotated[tuple[str, ...], about("what is wrong, in words")]
+    inputs: Annotated[dict[str, InputHealth], about("every input by name")]
+    counters: Annotated[dict[str, int], about("everything counted, by name")]
+    clock_offset_s: Annotated[float | None, about("companion clock minus autopilot clock", "s")]
+    clock_std_s: Annotated[float | None, about("standard deviation of clock_offset_s", "s")]
+    pipeline_ms: Annotated[float | None, about("time one frame takes in the pipeline", "ms")]
 
 
 class Event(msgspec.Struct, frozen=True, kw_only=True):
     """Something that happened, once."""
 
-    event: str
-    frame: int | None
-    time_unix_us: int
-    severity: str
-    """"info", "warning" or "error"."""
-    text: str
-    details: dict[str, Any] = {}
+    event: Annotated[str, about("what happened, one word")]
+    frame: Annotated[int | None, about("number of the camera frame, where there is one")]
+    time_unix_us: Annotated[int, about("when, companion clock since 1970", "us")]
+    severity: Annotated[str, about('"info", "warning" or "error"')]
+    text: Annotated[str, about("what happened, in words")]
+    details: Annotated[dict[str, Any], about("more, by name")] = {}
 
 
 Message = Estimate | Decision | Health | Event
