@@ -9,8 +9,18 @@ from drivers.errors import DriverError
 from landing.errors import LandingError
 
 COMMANDS = {
-    "replay": ("companion.replay_command", "run recorded flights, videos or image folders through the pipeline"),
-    "check": ("companion.check_command", "say what is wrong with a settings file, or print the settings in force"),
+    "replay": (
+        "companion.replay_command",
+        "run recorded flights, videos or image folders through the pipeline",
+    ),
+    "check": (
+        "companion.check_command",
+        "say what is wrong with a settings file, or print the settings in force",
+    ),
+    "monitor": ("companion.monitor_command", "show vehicles live on a web page or in Foxglove"),
+    "export": ("companion.export_command", "write a recorded flight for the robotics tools (MCAP)"),
+    "schema": ("companion.schema_command", "print the JSON Schema of the messages"),
+    "fleet": ("companion.fleet_command", "measure losses and delay of many vehicles under one zenoh router"),
     "watch": ("companion.watch_command", "show a vehicle's messages live in the terminal"),
 }
 """Name -> (module with add_arguments(parser) and run(args) -> exit code, one line of help)."""
@@ -29,7 +39,9 @@ def usage() -> str:
     """The list of commands."""
     width = max(map(len, COMMANDS))
     lines = [f"  {name:<{width}}  {text}" for name, (_, text) in COMMANDS.items()]
-    return "usage: landslope COMMAND ...\n\n" + "\n".join(lines) + "\n\n'landslope COMMAND --help' tells more."
+    return (
+        "usage: landslope COMMAND ...\n\n" + "\n".join(lines) + "\n\n'landslope COMMAND --help' tells more."
+    )
 
 
 def main(argv: list[str] | None = None) -> int:
