@@ -31,6 +31,21 @@ class CameraSettings:
     mount_pitch_deg: Annotated[float, Limits(-180, 180, "deg", "camera's pitch in the body frame")] = 0.0
     mount_yaw_deg: Annotated[float, Limits(-180, 180, "deg", "camera's yaw in the body frame")] = 0.0
     time_offset_s: Annotated[float, Limits(-0.5, 0.5, "s", "how late the frames' time stamps are")] = 0.0
+    width: Annotated[int, Limits(0, 4096, "px", "width asked of the camera; 0 takes its own")] = 0
+    height: Annotated[int, Limits(0, 4096, "px", "height asked of the camera; 0 takes its own")] = 0
+    rate_hz: Annotated[float, Limits(0, 240, "Hz", "rate asked of the camera; 0 takes its own")] = 0.0
+    exposure_us: Annotated[
+        int, Limits(0, 100_000, "us", "fixed exposure; 0 leaves it automatic, which blurs")
+    ] = 0
+    gain: Annotated[
+        float, Limits(-1, 10_000, "", "fixed gain in the camera's own units; -1 leaves it")
+    ] = -1.0
+    pixel_format: Annotated[str, Meaning('V4L2 pixel format, as "GREY", "YUYV" or "MJPG"; empty: any')] = ""
+    transport: Annotated[Literal["tcp", "udp"], Meaning("how an RTSP stream comes")] = "tcp"
+    open_timeout_s: Annotated[float, Limits(1, 60, "s", "patience until a camera's first frame")] = 8.0
+    read_timeout_s: Annotated[float, Limits(0.2, 30, "s", "silence after which a camera is opened again")] = (
+        2.0
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +108,25 @@ class LandingSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class RecordSettings:
+    """Whether and how flights are recorded, as folders that a replay plays back."""
+
+    directory: Annotated[
+        str, FilePath("where flight folders are written; empty: nowhere", must_exist=False)
+    ] = ""
+    when: Annotated[
+        Literal["armed", "always", "manual"],
+        Meaning("from arming to disarming, always, or on SIGUSR1 (start) and SIGUSR2 (stop) alone"),
+    ] = "armed"
+    after_disarm_s: Annotated[float, Limits(0, 600, "s", "how long recording goes on after disarming")] = 5.0
+    jpeg_quality: Annotated[int, Limits(50, 100, "", "quality of the recorded frames")] = 95
+    max_flight_mb: Annotated[int, Limits(1, 1_000_000, "MB", "size at which a recording is ended")] = 4000
+    min_free_mb: Annotated[int, Limits(1, 1_000_000, "MB", "free space below which nothing is recorded")] = (
+        500
+    )
+
+
+@dataclass(frozen=True, slots=True)
 class Settings:
     """All sections."""
 
@@ -104,4 +138,5 @@ class Settings:
     estimator: EstimatorOptions = field(default_factory=EstimatorOptions)
     decision: DecisionOptions = field(default_factory=DecisionOptions)
     landing: LandingSettings = field(default_factory=LandingSettings)
+    record: RecordSettings = field(default_factory=RecordSettings)
     preview: PreviewSettings = field(default_factory=PreviewSettings)
