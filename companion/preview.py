@@ -9,6 +9,7 @@ import zenoh
 
 from companion.messages import about
 from companion.settings import PreviewSettings
+from drivers.bus import Bus
 from drivers.samples import Frame
 from landing.estimate import SurfaceEstimate
 
@@ -67,47 +68,68 @@ class PreviewPublisher:
     """Publishes ``landslope/<vehicle>/preview``: JPEG payload, the overlay as JSON in the attachment.
 
     Costs nothing but a comparison a frame while nobody subscribes; at most ``rate_hz`` pictures a second
-    of the frames' own time otherwise.
+    of the frames' own time otherwise. The bus may still be looking for its router.
     """
 
-    def __init__(self, session: zenoh.Session, vehicle: str, settings: PreviewSettings) -> None:
+    def __init__(self, bus: Bus, settings: PreviewSettings) -> None:
+        self.watched = False
+        """Whether somebody subscribes."""
+        self.published = 0
+        self.unsent = 0
+        self._bus = bus
         self._settings = settings
         self._period_us = round(_MICROSECONDS / settings.rate_hz)
         self._due_us: int | None = None
-        self._publisher: Any = session.declare_publisher(
-            f"landslope/{vehicle}/preview",
-            encoding=zenoh.Encoding.IMAGE_JPEG,
-            congestion_control=zenoh.CongestionControl.DROP,
-            priority=zenoh.Priority.DATA_LOW,
-        )
-        self._listener: Any = self._publisher.declare_matching_listener(self._matching_changed)
-        self.watched: bool = self._publisher.matching_status
-        """Whether somebody subscribes."""
-        self.published = 0
-
-    def _matching_changed(self, status: zenoh.MatchingStatus) -> None:
-        self.watched = status.matching
+        self._publisher: Any = None
+        self._listener: Any = None
+        self._declare()
 
     def put(self, frame: Frame, estimate: SurfaceEstimate, time_unix_us: int) -> bool:
         """Publish the frame if somebody watches and a picture is due; returns whether it was published."""
-        if not self.watched:
+        if self._publisher is None:
+            self._declare()
+        if not self.watched or not self._is_due(frame.arrival_us):
             return False
-        due = self._due_us
-        # A stamp far before the due time is a clock that was set back: start over.
-        if due is not None and due - self._period_us <= frame.arrival_us < due:
-            return False
-        keeps_pace = due is not None and frame.arrival_us - due < self._period_us
-        self._due_us = (due if keeps_pace and due is not None else frame.arrival_us) + self._period_us
         settings = self._settings
-        drawn = overlay(frame, estimate, time_unix_us, settings.max_tracks)
-        self._publisher.put(
-            jpeg(frame.image, settings.width_px, settings.jpeg_quality),
-            attachment=msgspec.json.encode(drawn),
-        )
+        picture = jpeg(frame.image, settings.width_px, settings.jpeg_quality)
+        drawn = msgspec.json.encode(overlay(frame, estimate, time_unix_us, settings.max_tracks))
+        try:
+            self._publisher.put(picture, attachment=drawn)
+        except zenoh.ZError:
+            self.unsent += 1
+            return False
         self.published += 1
         return True
 
     def close(self) -> None:
-        """Stop publishing."""
-        self._listener.undeclare()
-        self._publisher.undeclare()
+        """Stop publishing; to be called before the bus closes."""
+        if self._publisher is not None:
+            self.watched = False
+            self._listener.undeclare()
+            self._publisher.undeclare()
+            self._publisher = None
+
+    def _declare(self) -> None:
+        session = self._bus.session
+        if session is None:
+            return
+        self._publisher = session.declare_publisher(
+            self._bus.key("preview"),
+            encoding=zenoh.Encoding.IMAGE_JPEG,
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.DATA_LOW,
+        )
+        self._listener = self._publisher.declare_matching_listener(self._matching_changed)
+        self.watched = self._publisher.matching_status.matching
+
+    def _matching_changed(self, status: zenoh.MatchingStatus) -> None:
+        self.watched = status.matching
+
+    def _is_due(self, now_us: int) -> bool:
+        due = self._due_us
+        # Far before the due time means a clock that was set back: start over.
+        if due is not None and due - self._period_us <= now_us < due:
+            return False
+        late = due is None or not 0 <= now_us - due < self._period_us
+        self._due_us = (now_us if late or due is None else due) + self._period_us
+        return True

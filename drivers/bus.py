@@ -56,6 +56,7 @@ class Delivery:
     topic: str
     payload: bytes = b""
     alive: bool | None = None
+    attachment: bytes = b""
 
 
 def open_session(endpoints: Endpoints) -> zenoh.Session:
@@ -200,19 +201,35 @@ class Subscription:
         self.dropped = 0
         self._queue: queue.Queue[Delivery] = queue.Queue(QUEUE_LENGTH)
         self._session = open_session(endpoints)
+        self._vehicle = vehicle
+        self._subscribers: dict[str, Any] = {}
         try:
-            self._subscribers = [
-                self._session.declare_subscriber(f"{ROOT}/{vehicle}/{topic}", self._on_sample)
-                for topic in topics
-            ]
-            self._subscribers.append(
-                self._session.liveliness().declare_subscriber(
-                    f"{ROOT}/{vehicle}/{ALIVE}", self._on_liveliness, history=True
-                )
+            for topic in topics:
+                self.add(topic)
+            self._subscribers[ALIVE] = self._session.liveliness().declare_subscriber(
+                f"{ROOT}/{vehicle}/{ALIVE}", self._on_liveliness, history=True
             )
         except zenoh.ZError as error:
             self._session.close()
             raise DriverError(f"zenoh: '{vehicle}' is no vehicle's name: {_brief(error)}") from None
+
+    def add(self, topic: str) -> None:
+        """Subscribe to one topic more."""
+        if topic not in self._subscribers:
+            self._subscribers[topic] = self._session.declare_subscriber(
+                f"{ROOT}/{self._vehicle}/{topic}", self._on_sample
+            )
+
+    def remove(self, topic: str) -> None:
+        """Subscribe to one topic less."""
+        subscriber = self._subscribers.pop(topic, None)
+        if subscriber is not None:
+            subscriber.undeclare()
+
+    def links(self) -> int:
+        """How many routers and peers the session is connected to."""
+        info = self._session.info
+        return len(info.routers_zid()) + len(info.peers_zid())
 
     def receive(self, timeout_s: float) -> Delivery | None:
         """The next delivery, or None when none came in time."""
@@ -240,7 +257,8 @@ class Subscription:
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
         _, vehicle, topic = str(sample.key_expr).split("/", 2)
-        self._push(Delivery(vehicle, topic, sample.payload.to_bytes()))
+        attachment = b"" if sample.attachment is None else sample.attachment.to_bytes()
+        self._push(Delivery(vehicle, topic, sample.payload.to_bytes(), attachment=attachment))
 
     def _on_liveliness(self, sample: zenoh.Sample) -> None:
         _, vehicle, topic = str(sample.key_expr).split("/", 2)
