@@ -1,0 +1,49 @@
+"""The checks that every live frame passes before anybody sees it."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.samples import Frame, Refusal
+
+
+class FrameCheck:
+    """Refuses frames that would mislead: another size, a repeated picture, a stamp that does not move forward.
+
+    The first frame sets the size. It stays for good, reopening included: the calibration holds for that size alone.
+    A camera that hangs often repeats its last picture bit for bit; sensor noise forbids that to a living one.
+    """
+
+    def __init__(self, source: str = "camera") -> None:
+        self._source = source
+        self._size: tuple[int, ...] | None = None
+        self._stamp_us: int | None = None
+        self._image: NDArray[np.uint8] | None = None
+
+    def check(self, frame: Frame) -> Frame | Refusal:
+        """The frame itself, or why it is refused."""
+        refusal = self._fault(frame)
+        if refusal is not None:
+            return refusal
+        self._size = frame.image.shape
+        self._stamp_us = frame.stamp_us
+        self._image = frame.image
+        return frame
+
+    def _fault(self, frame: Frame) -> Refusal | None:
+        image = frame.image
+        if image.ndim != 2 or image.size == 0 or image.dtype != np.uint8:
+            return self._refuse(frame, "bad picture", f"shape {image.shape}, type {image.dtype}")
+        if self._size is not None and image.shape != self._size:
+            now, then = image.shape[::-1], self._size[::-1]
+            return self._refuse(
+                frame, "size changed", f"{now[0]} x {now[1]} instead of {then[0]} x {then[1]}"
+            )
+        if self._stamp_us is not None and frame.stamp_us <= self._stamp_us:
+            reason = "stamp repeated" if frame.stamp_us == self._stamp_us else "stamp backward"
+            return self._refuse(frame, reason, f"{frame.stamp_us - self._stamp_us} us after the frame before")
+        if self._image is not None and np.array_equal(image, self._image):
+            return self._refuse(frame, "picture repeated", "the same picture again, bit for bit")
+        return None
+
+    def _refuse(self, frame: Frame, reason: str, detail: str) -> Refusal:
+        return Refusal(frame.arrival_us, self._source, reason, f"frame {frame.number}: {detail}")

@@ -1,0 +1,71 @@
+"""Network streams through OpenCV's FFmpeg: RTSP, HTTP and MJPEG, MPEG-TS or raw H.264 over UDP, RTP by an .sdp file."""
+
+import os
+
+import cv2
+
+from drivers.cameras.grey import grey_of
+from drivers.cameras.interface import CameraFormat, Grab, ReaderLimits
+from drivers.cameras.stamping import MinimumDelayStamper
+from drivers.errors import DriverError
+from drivers.host_clock import now_us
+
+SCHEMES = ("rtsp://", "rtsps://", "http://", "https://", "udp://", "tcp://", "rtp://", "srt://")
+
+SENDERS_TIME = ("rtsp://", "rtsps://", "udp://", "rtp://", "srt://")
+"""Schemes whose presentation times are the sender's; MJPEG over HTTP has none, FFmpeg makes them up."""
+
+OPTIONS_VARIABLE = "OPENCV_FFMPEG_CAPTURE_OPTIONS"
+"""OpenCV takes FFmpeg's options from this variable alone; what the user has put there stays."""
+
+
+def ffmpeg_options(transport: str) -> str:
+    """Options for the least delay: nothing buffered, nothing reordered, the format known after half a second."""
+    return (
+        f"rtsp_transport;{transport}|fflags;nobuffer|flags;low_delay|analyzeduration;500000|max_delay;100000"
+        "|reorder_queue_size;0|protocol_whitelist;file,rtp,udp,tcp,http,https,tls,rtsp,rtsps,srt,crypto"
+    )
+
+
+class StreamGrabber:
+    """One stream, read as fast as it comes, so that nothing old waits in a buffer."""
+
+    def __init__(self, url: str, wanted: CameraFormat, limits: ReaderLimits) -> None:
+        self._url = url
+        self._wanted = wanted
+        self._limits = limits
+        self._capture: cv2.VideoCapture | None = None
+        self._stamper = MinimumDelayStamper() if url.lower().startswith(SENDERS_TIME) else None
+
+    def open(self) -> None:
+        """Connect; raises DriverError when nothing answers in time or no video is in it."""
+        os.environ.setdefault(OPTIONS_VARIABLE, ffmpeg_options(self._wanted.transport))
+        timeouts = [
+            cv2.CAP_PROP_OPEN_TIMEOUT_MSEC,
+            round(self._limits.open_timeout_s * 1000),
+            cv2.CAP_PROP_READ_TIMEOUT_MSEC,
+            round(self._limits.read_timeout_s * 1000),
+            cv2.CAP_PROP_N_THREADS,  # frame threads would each hold a frame back
+            1,
+        ]
+        self._capture = cv2.VideoCapture(self._url, cv2.CAP_FFMPEG, timeouts)
+        if not self._capture.isOpened():
+            raise DriverError(f"{self._url}: no video there; is the address right and the sender running?")
+
+    def grab(self) -> Grab:
+        """The next decoded frame."""
+        capture = self._capture
+        if capture is None or not capture.grab():
+            raise DriverError(f"{self._url}: the stream stopped")
+        captured_us = now_us()
+        if self._stamper is not None:
+            captured_us = self._stamper.stamp(round(capture.get(cv2.CAP_PROP_POS_MSEC) * 1000), captured_us)
+        taken, image = capture.retrieve()
+        if not taken:
+            raise DriverError(f"{self._url}: a frame could not be decoded")
+        return Grab(grey_of(image), captured_us)
+
+    def close(self) -> None:
+        """Leave the stream."""
+        if self._capture is not None:
+            self._capture.release()
