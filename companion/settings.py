@@ -30,6 +30,9 @@ class CameraSettings:
     mount_roll_deg: Annotated[float, Limits(-180, 180, "deg", "camera's roll in the body frame")] = 0.0
     mount_pitch_deg: Annotated[float, Limits(-180, 180, "deg", "camera's pitch in the body frame")] = 0.0
     mount_yaw_deg: Annotated[float, Limits(-180, 180, "deg", "camera's yaw in the body frame")] = 0.0
+    assumed_fov_deg: Annotated[
+        float, Limits(10, 150, "deg", "field of view across the image assumed without a calibration")
+    ] = 60.0
     time_offset_s: Annotated[float, Limits(-0.5, 0.5, "s", "how late the frames' time stamps are")] = 0.0
     width: Annotated[int, Limits(0, 4096, "px", "width asked of the camera; 0 takes its own")] = 0
     height: Annotated[int, Limits(0, 4096, "px", "height asked of the camera; 0 takes its own")] = 0

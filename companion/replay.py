@@ -1,0 +1,205 @@
+"""One recorded flight through the core: as fast as it goes, or at its own pace."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
+
+import cv2
+
+from companion.core import Core, LandRequest, Output, Processed
+from companion.history import History
+from companion.messages import Decision, Message, topic_of
+from companion.overlay import OverlayWriter
+from companion.plot import plot
+from companion.publisher import Publisher
+from companion.replay_output import Outputs, write_event, write_message
+from companion.replay_source import PlainCamera, ReplaySource, open_source
+from companion.summary import summary
+from drivers.errors import DriverError
+from drivers.samples import Frame, Refusal, Sample
+
+PROGRESS_EVERY_FRAMES = 10
+LONGEST_WAIT_S = 5.0
+"""A hole in the recording is not waited out for longer than this at the recorded pace."""
+
+
+class Autopilot(Protocol):
+    """The real autopilot of a rehearsal, as the replay uses it."""
+
+    def request(self, request: LandRequest) -> None:
+        """Send the command; returns at once."""
+
+    def samples(self) -> list[Sample]:
+        """What the autopilot answered since the last call."""
+
+    @property
+    def busy(self) -> bool:
+        """Whether a command still waits for its outcome."""
+
+    def close(self) -> None:
+        """End the link."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayJob:
+    """One flight and what is wanted of it."""
+
+    name: str
+    path: Path
+    config: Path | None = None
+    overrides: tuple[str, ...] = ()
+    plain: PlainCamera = field(default_factory=PlainCamera)
+    outputs: Outputs = field(default_factory=Outputs)
+    publish: bool = False
+    realtime: bool = False
+    enable_after_s: float | None = None
+    connect: str | None = None
+
+
+Progress = Callable[[int, int | None], None]
+"""Told the frames done and the frames there are (None: not known)."""
+
+
+def replay(job: ReplayJob, progress: Progress = lambda done, total: None) -> str:
+    """Replay one flight; returns its summary. Raises the packages' errors, one line each."""
+    cv2.setNumThreads(1)  # one core, and the same rounding everywhere
+    source = open_source(job.path, job.config, job.overrides, job.plain)
+    with ExitStack() as stack:
+        run = _Run(job, source, stack, progress)
+        damage = run.all()
+        text = summary(job.name, run.history, source.settings.decision, run.elapsed_s)
+    if job.outputs.plot is not None:
+        plot(job.name, run.history, source.settings.decision, job.outputs.plot)
+    return text if damage is None else f"{text}\n  stopped    {damage}"
+
+
+class _Run:
+    """The replay of one flight, from the first sample to the outcome of the command."""
+
+    def __init__(self, job: ReplayJob, source: ReplaySource, stack: ExitStack, progress: Progress) -> None:
+        self.history = History()
+        self.elapsed_s = 0.0
+        self._job = job
+        self._source = source
+        self._progress = progress
+        self._frames = 0
+        self._first_us: int | None = None
+        self._last_decision: Decision | None = None
+        self._core = Core(
+            source.settings, source.camera, calibrated=source.calibrated, telemetry=source.telemetry
+        )
+        outputs = job.outputs
+        self._out = stack.enter_context(outputs.out.open("wb")) if outputs.out else None
+        self._events = stack.enter_context(outputs.events.open("wb")) if outputs.events else None
+        self._video = OverlayWriter(outputs.video, source.camera) if outputs.video else None
+        if self._video:
+            stack.callback(self._video.close)
+        self._publisher = stack.enter_context(Publisher(source.settings)) if job.publish else None
+        self._autopilot = _connected(job, source, stack)
+
+    def all(self) -> DriverError | None:
+        """Everything there is; the error that ended the input early, if one did."""
+        damage = None
+        started = time.perf_counter()
+        waited_s = 0.0
+        try:
+            for sample, wait_s in _paced(self._source.samples(), self._job.realtime):
+                waited_s += wait_s
+                self._one(sample)
+        except DriverError as error:
+            if not self._frames:
+                raise
+            damage = error
+        self._take(self._core.finish())
+        self._follow_command()
+        self.elapsed_s = time.perf_counter() - started
+        if not self._job.realtime:
+            self.elapsed_s -= self._drawing_s
+        return damage
+
+    _drawing_s = 0.0
+
+    def _one(self, sample: Sample) -> None:
+        if isinstance(sample, Refusal):
+            self.history.refused[sample.source, sample.reason] += 1
+        if isinstance(sample, Frame):
+            self._frames += 1
+            self._first_us = self._first_us or sample.arrival_us
+            if self._frames % PROGRESS_EVERY_FRAMES == 0:
+                self._progress(self._frames, self._source.frame_count)
+        after_s = self._job.enable_after_s
+        if after_s is not None and self._first_us and sample.arrival_us - self._first_us >= after_s * 1e6:
+            self._core.set_enabled(True)
+        self._take(self._core.feed(sample))
+        if self._autopilot:
+            for answer in self._autopilot.samples():
+                self._take(self._core.feed(answer))
+
+    def _take(self, outputs: list[Output]) -> None:
+        for output in outputs:
+            if isinstance(output, LandRequest):
+                if self._video:
+                    self._video.requested(self.history.seconds(output.time_unix_us))
+                if self._autopilot:
+                    self._autopilot.request(output)
+            elif not isinstance(output, Processed):
+                self._message(output)
+        if self._video:
+            started = time.perf_counter()
+            for output in outputs:
+                if isinstance(output, Processed):
+                    newest = self.history.estimates[-1].time_unix_us if self.history.estimates else 0
+                    self._video.add(output.frame.image, output.estimate, self.history.seconds(newest))
+            self._drawing_s += time.perf_counter() - started
+
+    def _message(self, message: Message) -> None:
+        self.history.add(message)
+        if self._out and topic_of(message) == "estimate":
+            write_message(self._out, message)
+        if self._events:
+            write_event(self._events, message, self._last_decision)
+        if isinstance(message, Decision):
+            self._last_decision = message
+            if self._video:
+                self._video.decided(message)
+        if self._publisher:
+            self._publisher.publish(message)
+
+    def _follow_command(self) -> None:
+        """A command under way gets its outcome, though the recording has ended."""
+        while self._autopilot and self._autopilot.busy:
+            time.sleep(0.05)
+            for answer in self._autopilot.samples():
+                self._take(self._core.feed(answer))
+
+
+def _connected(job: ReplayJob, source: ReplaySource, stack: ExitStack) -> Autopilot | None:
+    if job.connect is None:
+        return None
+    from companion.rehearsal import Rehearsal  # MAVSDK starts slowly; only a rehearsal pays for it
+
+    autopilot: Autopilot = Rehearsal(job.connect, source.settings)
+    stack.callback(autopilot.close)
+    return autopilot
+
+
+def _paced(samples: Iterator[Sample], realtime: bool) -> Iterator[tuple[Sample, float]]:
+    """The samples, each at its recorded time when ``realtime``, with the time that was waited for it."""
+    started: float | None = None
+    first_us = last_us = 0
+    for sample in samples:
+        wait_s = 0.0
+        if realtime:
+            now = time.monotonic()
+            if started is None:
+                started, first_us, last_us = now, sample.arrival_us, sample.arrival_us
+            if not 0 <= sample.arrival_us - last_us <= LONGEST_WAIT_S * 1e6:
+                started, first_us = now, sample.arrival_us  # a clock that jumped is not waited for
+            last_us = sample.arrival_us
+            wait_s = max(0.0, started + (sample.arrival_us - first_us) / 1e6 - now)
+            if wait_s:
+                time.sleep(wait_s)
+        yield sample, wait_s
