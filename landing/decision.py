@@ -1,0 +1,93 @@
+"""Whether a surface is flat, and whether it has been flat long enough to be fit for landing."""
+
+import math
+from dataclasses import dataclass
+
+from landing.estimate import SurfaceEstimate
+from landing.options import DecisionOptions
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """``verdict`` is "fit", "unfit" or "unknown"; ``reasons`` say in words what stands against landing."""
+
+    verdict: str
+    reasons: tuple[str, ...]
+    since_s: float
+    changed: bool
+
+
+def against_flat(estimate: SurfaceEstimate, options: DecisionOptions, widen: float = 0.0) -> tuple[str, ...]:
+    """What stands against calling the surface flat, in words; empty when it is flat.
+
+    The upper bounds (``options.sigmas`` standard deviations) of inclination and roughness must lie below the
+    limits, which ``widen`` relaxes by a share.
+    """
+    o = options
+    if estimate.status != "ok":
+        return (f"no estimate: {estimate.status.replace('_', ' ')}",)
+    reasons = []
+    inclination_limit = o.max_inclination_deg * (1 + widen)
+    roughness_limit = o.max_roughness * (1 + widen)
+    if not math.isfinite(estimate.inclination_deg):
+        reasons.append("inclination unknown without an attitude")
+    elif estimate.inclination_deg > inclination_limit:
+        reasons.append(f"too steep: {estimate.inclination_deg:.1f} degrees, limit {inclination_limit:.1f}")
+    else:
+        upper = estimate.inclination_deg + o.sigmas * estimate.inclination_std_deg
+        if not upper <= inclination_limit:
+            reasons.append(
+                f"inclination uncertain: {estimate.inclination_deg:.1f} degrees, may be {upper:.1f},"
+                f" limit {inclination_limit:.1f}"
+            )
+    if not math.isfinite(estimate.roughness):
+        reasons.append("roughness unknown")
+    elif estimate.roughness > roughness_limit:
+        reasons.append(f"too rough: {estimate.roughness:.4f} of the distance, limit {roughness_limit:.4f}")
+    else:
+        upper = estimate.roughness + o.sigmas * estimate.roughness_std
+        if not upper <= roughness_limit:
+            reasons.append(
+                f"roughness uncertain: {estimate.roughness:.4f}, may be {upper:.4f}, limit {roughness_limit:.4f}"
+            )
+    if not estimate.coverage >= o.min_coverage:
+        reasons.append(
+            f"too little of the surface seen: {estimate.coverage:.2f}, at least {o.min_coverage:.2f}"
+        )
+    return tuple(reasons)
+
+
+class Decider:
+    """The verdict over time: flat for a dwell time before it is fit, wider limits while it is."""
+
+    def __init__(self, options: DecisionOptions) -> None:
+        self.options = options
+        self._flat_since: float | None = None
+        self._seen_s = -math.inf
+        self._verdict = Verdict("unknown", ("nothing seen yet",), math.nan, False)
+
+    def step(self, estimate: SurfaceEstimate) -> Verdict:
+        """Take the next estimate; times must not fall."""
+        o, now = self.options, estimate.time_s
+        fit = self._verdict.verdict == "fit"
+        reasons = against_flat(estimate, o, o.hysteresis if fit else 0.0)
+        if not reasons:
+            self._seen_s = now
+            if self._flat_since is None:
+                self._flat_since = now
+            held = now - self._flat_since
+            if fit or held >= o.dwell_s:
+                return self._turn("fit", (), now)
+            return self._turn("unknown", (f"flat for {held:.1f} s only, {o.dwell_s:.1f} s asked for",), now)
+        certain = any(reason.startswith("too ") for reason in reasons)
+        if fit and not certain and now - self._seen_s <= o.patience_s:
+            return self._turn("fit", (), now)
+        if certain or now - self._seen_s > o.patience_s:
+            self._flat_since = None
+        return self._turn("unfit" if certain else "unknown", reasons, now)
+
+    def _turn(self, verdict: str, reasons: tuple[str, ...], now: float) -> Verdict:
+        changed = verdict != self._verdict.verdict
+        since = now if changed or math.isnan(self._verdict.since_s) else self._verdict.since_s
+        self._verdict = Verdict(verdict, reasons, since, changed)
+        return self._verdict

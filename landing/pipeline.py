@@ -1,0 +1,165 @@
+"""The whole way from one observation to one estimate of the surface below."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from landing.camera import CameraModel
+from landing.decision import against_flat
+from landing.errors import LandingError
+from landing.estimate import SurfaceEstimate, TrackView
+from landing.map_estimator import MapEstimator
+from landing.observation import Observation
+from landing.options import EstimatorOptions, Options
+from landing.plane import Plane
+from landing.quadratic import QuadraticEstimator
+from landing.roughness import Relief, relief
+from landing.rotations import euler_from_matrix
+from landing.surface import surface
+from landing.views import Views
+
+Array = NDArray[np.float64]
+
+ESTIMATORS = {"quadratic": QuadraticEstimator, "map": MapEstimator}
+"""Methods by the name that ``estimator.method`` takes: (options, focal_px) -> object with step(Views) -> Plane."""
+
+
+class SurfacePipeline:
+    """Observations in, estimates out; deterministic, no clock, no I/O."""
+
+    def __init__(self, camera: CameraModel, options: Options) -> None:
+        self.camera, self.options = camera, options
+        self.views = Views(camera, options.tracking)
+        self.estimator = ESTIMATORS[options.estimator.method](options.estimator, camera.focal_px)
+        self._motion: tuple[Array, Array] | None = None
+        self._last_s = -math.inf
+
+    def step(self, observation: Observation) -> SurfaceEstimate:
+        """The surface at this observation. Raises LandingError for an image of another size."""
+        image = observation.image
+        if image.shape != (self.camera.height, self.camera.width):
+            raise LandingError(
+                f"frame {observation.frame} is {image.shape[1]} x {image.shape[0]}, the calibration is for"
+                f" {self.camera.width} x {self.camera.height}: calibrate for this size"
+            )
+        if not observation.time_s > self._last_s:
+            raise LandingError(
+                f"frame {observation.frame} is at {observation.time_s:.6f} s, not after {self._last_s:.6f} s"
+            )
+        self.views.step(observation, self._prediction(observation))
+        self._last_s = observation.time_s
+        plane = self.estimator.step(self.views)
+        self._motion = None
+        if plane.status == "ok":
+            self._motion = plane.omega, plane.normal
+        return self._estimate(observation, plane)
+
+    def _prediction(self, observation: Observation) -> Array | None:
+        """Homography of the last plane and motion: this frame's normalised points from the last frame's."""
+        if not self.views.tracker.frame >= 0 or observation.ned_from_body is None:
+            return None
+        last = self.views.newest
+        if last.ned_from_camera is None:
+            return None
+        new_from_last = (observation.ned_from_body @ self.camera.body_from_camera).T @ last.ned_from_camera
+        if self._motion is None:
+            return None
+        omega, normal = self._motion
+        moved = omega * (observation.time_s - last.time_s)
+        return new_from_last @ (np.eye(3) - np.outer(moved, normal))
+
+    def _estimate(self, observation: Observation, plane: Plane) -> SurfaceEstimate:
+        o = self.options.estimator
+        view = self.views.newest
+        coverage = self.views.tracker.coverage()
+        status = plane.status
+        if status == "ok" and coverage < o.min_coverage:
+            status = "too_little_texture"
+        roll = pitch = math.nan
+        if observation.ned_from_body is not None:
+            roll, pitch, _ = euler_from_matrix(observation.ned_from_body)
+        relief_ = self._relief(plane, o)
+        estimate = SurfaceEstimate(
+            observation.frame,
+            observation.time_s,
+            status,
+            o.method,
+            roll_deg=math.degrees(roll),
+            pitch_deg=math.degrees(pitch),
+            features=int(self.views.tracker.alive.sum()),
+            coverage=coverage,
+            tracks=self._track_view(plane, relief_),
+        )
+        if math.isfinite(plane.divergence):
+            estimate = replace(
+                estimate,
+                ventral_flow_x=float(plane.omega[0]),
+                ventral_flow_y=float(plane.omega[1]),
+                divergence=plane.divergence,
+                time_to_contact_s=plane.time_to_contact_s,
+            )
+        if status == "ok":
+            deg = math.degrees
+            std = np.sqrt(np.diag(plane.slope_covariance))
+            # without the vehicle's attitude taken out, the camera stands for level (the paper's comparison)
+            attitude = view.ned_from_camera if o.use_attitude else self.camera.body_from_camera
+            below = surface(
+                plane.a,
+                plane.b,
+                plane.slope_covariance,
+                None if view.ned_from_camera is None else attitude,
+                self.camera.body_from_camera,
+                roll if o.use_attitude else 0.0,
+                pitch if o.use_attitude else 0.0,
+                math.radians(o.attitude_std_deg),
+            )
+            estimate = replace(
+                estimate,
+                slope_x_deg=deg(math.atan(plane.a)),
+                slope_y_deg=deg(math.atan(plane.b)),
+                slope_x_std_deg=deg(float(std[0]) / (1 + plane.a**2)),
+                slope_y_std_deg=deg(float(std[1]) / (1 + plane.b**2)),
+                surface_pitch_deg=below.pitch_deg,
+                surface_roll_deg=below.roll_deg,
+                inclination_deg=below.inclination_deg,
+                inclination_std_deg=below.inclination_std_deg,
+                downhill_bearing_deg=below.bearing_deg if below.inclination_deg > 0 else math.nan,
+                roughness=relief_.roughness if relief_ else math.nan,
+                roughness_std=relief_.roughness_std if relief_ else math.nan,
+                inlier_fraction=plane.inlier_fraction,
+                fit_error_px=plane.fit_error * self.camera.focal_px,
+            )
+        reasons = against_flat(estimate, self.options.decision)
+        return replace(estimate, flat=not reasons, against_flat=reasons)
+
+    def _relief(self, plane: Plane, o: EstimatorOptions) -> Relief | None:
+        if plane.status != "ok" or plane.gap == 0:
+            return None
+        tracks = self.views.tracker.pair(plane.gap)
+        return relief(
+            tracks.new,
+            tracks.old,
+            plane.old_from_new,
+            plane.t,
+            plane.normal,
+            o.noise_floor_px / self.camera.focal_px,
+            o.min_roughness_tracks,
+        )
+
+    def _track_view(self, plane: Plane, relief_: Relief | None) -> TrackView:
+        tracker = self.views.tracker
+        slots = plane.slots if len(plane.slots) else np.flatnonzero(tracker.alive)
+        inlier = plane.inlier if len(plane.slots) else np.zeros(len(slots), bool)
+        gap = min(plane.gap or 1, tracker.longest())
+        old = tracker.history[(tracker.frame - gap) % tracker.HISTORY, slots]
+        seen = np.isfinite(old).all(axis=1)
+        now = tracker.pixels[slots].astype(np.float64)
+        before = now.copy()
+        if seen.any():
+            before[seen] = self.camera.project(old[seen])
+        height = np.full(len(slots), math.nan)
+        if relief_ is not None and len(relief_.height) == len(slots):
+            height = relief_.height
+        return TrackView(before, now, inlier, height)

@@ -1,0 +1,44 @@
+"""What every estimator returns: the plane under the camera and the motion over it, at the newest frame."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+NAN = math.nan
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Plane:
+    """Surface Z = h + aX + bY in the newest camera frame, and omega = V / h in 1/s.
+
+    ``status`` is "ok" or a reason. ``slope_covariance`` (2, 2) is of (a, b). ``slots`` (n,) names the tracks
+    used, ``inlier`` (n,) which of them move as the plane says. ``t`` (3,) is the displacement from the newest
+    to the older exposure over h, ``baseline`` the gap in frames. Unknown numbers are NaN.
+    """
+
+    status: str
+    a: float = NAN
+    b: float = NAN
+    slope_covariance: Array = field(default_factory=lambda: np.full((2, 2), NAN))
+    omega: Array = field(default_factory=lambda: np.full(3, NAN))
+    omega_std: Array = field(default_factory=lambda: np.full(3, NAN))
+    divergence: float = NAN
+    time_to_contact_s: float = NAN
+    gap: int = 0
+    t: Array = field(default_factory=lambda: np.full(3, NAN))
+    old_from_new: Array = field(default_factory=lambda: np.eye(3))
+    slots: NDArray[np.intp] = field(default_factory=lambda: np.empty(0, np.intp))
+    inlier: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, bool))
+    residual: Array = field(default_factory=lambda: np.empty((0, 2)))
+    noise: float = NAN
+    inlier_fraction: float = NAN
+    fit_error: float = NAN
+    """Mean length of the residuals, normalised units."""
+
+    @property
+    def normal(self) -> Array:
+        """(-a, -b, 1) (3,): from the surface towards the ground, camera frame, not of unit length."""
+        return np.array((-self.a, -self.b, 1.0))

@@ -1,0 +1,290 @@
+"""The exact two-view plane fit: robust, maximum a posteriori, with its covariance.
+
+Model (exact for any motion): a point p = (x, y, 1) of the newest frame on the surface Z = h + aX + bY is seen in
+the older frame at the projection of R (p - t (n . p)), with n = (-a, -b, 1), t the camera's displacement from the
+newest to the older exposure over h in the newest frame's axes, and R = R0 exp(d): R0 the measured rotation
+old_from_new and d its small error, which has a prior. The paper's Eqs. 7 and 8 are the small-motion limit.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from landing.rotations import exp_so3
+
+Points = NDArray[np.float64]
+Array = NDArray[np.float64]
+
+PARAMETERS = 8
+"""t (3), a, b, d (3): the order of ``PlaneFit.covariance``."""
+
+
+@dataclass(frozen=True, slots=True)
+class FitPrior:
+    """Standard deviations of what is known before: rotation error (3,) rad, slope tangents, displacement
+    over height, track noise bounds.
+
+    ``noise_floor`` is the smallest and ``noise_cap`` the largest track noise believed, normalised units.
+    """
+
+    rotation_std: Array
+    slope_std: float = 1.0
+    displacement_std: float = 2.0
+    noise_floor: float = 1e-4
+    noise_cap: float = 1e-2
+
+
+@dataclass(frozen=True, slots=True)
+class PlaneFit:
+    """Displacement over height t (3,), slope tangents a and b, rotation error d (3,), and their covariance (8, 8).
+
+    ``residual`` is (n, 2), observed minus predicted in the old frame, normalised; ``weight`` (n,) in 0 to 1;
+    ``noise`` the scale of the inliers' residuals per coordinate; ``old_from_new`` (3, 3) with d applied.
+    """
+
+    t: Array
+    a: float
+    b: float
+    d: Array
+    covariance: Array
+    residual: Points
+    weight: Array
+    noise: float
+    old_from_new: Array
+    converged: bool
+
+    @property
+    def normal(self) -> Array:
+        """n = (-a, -b, 1) (3,), not of unit length."""
+        return np.array((-self.a, -self.b, 1.0))
+
+
+def fit_plane(
+    new: Points,
+    old: Points,
+    old_from_new: Array,
+    prior: FitPrior,
+    start: tuple[Array, float, float] | None = None,
+    cut: float = 4.5,
+    iterations: int = 12,
+) -> PlaneFit | None:
+    """Fit the plane to tracks ``new`` and ``old`` (n, 2), normalised coordinates of two frames.
+
+    ``start`` is (t, a, b); without it the fit starts from a robust homography. None with fewer than eight
+    tracks or when no homography explains them. Tukey weights on the length of each residual, cut at ``cut``
+    times the noise, which is estimated along the way (median, then the inliers').
+    """
+    n = len(new)
+    if n < PARAMETERS:
+        return None
+    if start is None:
+        start = start_from_homography(new, old, old_from_new)
+        if start is None:
+            return None
+    problem = _Problem(new, old, old_from_new, prior)
+    x = np.zeros(PARAMETERS)
+    x[:3], x[3], x[4] = start
+    residual = problem.residual(x)
+    noise = problem.scale(residual, None, cut)
+    weight = problem.weights(residual, noise, cut)
+    damping, converged = 0.0, False
+    cost = problem.cost(x, residual, noise, cut)
+    for _ in range(iterations):
+        hessian, gradient = problem.normal_equations(x, residual, weight, noise)
+        if damping:
+            hessian[np.diag_indices(PARAMETERS)] *= 1 + damping
+        step = np.linalg.solve(hessian, gradient)
+        tried = x + step
+        r = problem.residual(tried)
+        c = problem.cost(tried, r, noise, cut)
+        if not c <= cost * (1 + 1e-9) + 1e-12:
+            damping = max(1e-3, damping * 10)
+            if damping > 1e4:
+                break
+            continue
+        damping = damping / 10 if damping > 1e-3 else 0.0
+        x, residual = tried, r
+        noise = problem.scale(residual, weight, cut)
+        weight = problem.weights(residual, noise, cut)
+        cost = problem.cost(x, residual, noise, cut)
+        if float(np.abs(step).max()) < 1e-6:
+            converged = True
+            break
+    hessian, _ = problem.normal_equations(x, residual, weight, noise)
+    try:
+        covariance = np.linalg.inv(hessian)
+    except np.linalg.LinAlgError:
+        return None
+    return PlaneFit(
+        x[:3].copy(),
+        float(x[3]),
+        float(x[4]),
+        x[5:].copy(),
+        covariance,
+        residual.T,
+        weight,
+        noise,
+        old_from_new @ exp_so3(x[5:]),
+        converged,
+    )
+
+
+class _Problem:
+    """Residuals, Jacobian and robust scale; arrays have shape (2, n) or (3, n) so that rows are contiguous."""
+
+    def __init__(self, new: Points, old: Points, old_from_new: Array, prior: FitPrior) -> None:
+        n = len(new)
+        self.p = np.ones((3, n))
+        self.p[:2] = new.T
+        self.q = np.ascontiguousarray(old.T)
+        self.rotation0, self.prior = old_from_new, prior
+        self.precision = np.full(PARAMETERS, prior.displacement_std**-2.0)
+        self.precision[3:5] = prior.slope_std**-2.0
+        self.precision[5:] = prior.rotation_std**-2.0
+        self.jacobian = np.empty((PARAMETERS, 2, n))
+        self.at: Array | None = None
+
+    def residual(self, x: Array) -> Array:
+        """Observed minus predicted (2, n) in the old frame."""
+        p, self.at = self.p, x
+        self.rotation = self.rotation0 @ exp_so3(x[5:])
+        self.depth = 1.0 - x[3] * p[0] - x[4] * p[1]
+        self.seen = p - x[:3, None] * self.depth
+        out = self.rotation @ self.seen
+        self.inverse = 1.0 / out[2]
+        self.projected = out[:2] * self.inverse
+        return self.q - self.projected
+
+    def normal_equations(self, x: Array, residual: Array, weight: Array, noise: float) -> tuple[Array, Array]:
+        """Gauss-Newton matrix (8, 8) and right-hand side (8,) at the last ``residual`` call's point."""
+        if self.at is not x:
+            self.residual(x)
+        rotation, inverse = self.rotation, self.inverse
+        u, v = self.projected
+        j = self.jacobian
+        # rows of d projection / d seen, (2, 3, n)
+        gu = (rotation[0][:, None] - rotation[2][:, None] * u) * inverse
+        gv = (rotation[1][:, None] - rotation[2][:, None] * v) * inverse
+        gt_u = x[0] * gu[0] + x[1] * gu[1] + x[2] * gu[2]
+        gt_v = x[0] * gv[0] + x[1] * gv[1] + x[2] * gv[2]
+        j[0:3, 0] = -gu * self.depth
+        j[0:3, 1] = -gv * self.depth
+        j[3, 0], j[3, 1] = gt_u * self.p[0], gt_v * self.p[0]
+        j[4, 0], j[4, 1] = gt_u * self.p[1], gt_v * self.p[1]
+        s = self.seen
+        for row, g in enumerate((gu, gv)):
+            j[5, row] = g[2] * s[1] - g[1] * s[2]
+            j[6, row] = g[0] * s[2] - g[2] * s[0]
+            j[7, row] = g[1] * s[0] - g[0] * s[1]
+        w = weight / noise**2
+        flat = j.reshape(PARAMETERS, -1)
+        weighted = (j * w).reshape(PARAMETERS, -1)
+        hessian = weighted @ flat.T
+        hessian[np.diag_indices(PARAMETERS)] += self.precision
+        gradient = weighted @ residual.ravel() - self.precision * x
+        return hessian, gradient
+
+    def scale(self, residual: Array, weight: Array | None, cut: float) -> float:
+        """Noise per coordinate: the median's for a start, then of the residuals within the cut."""
+        length2 = residual[0] ** 2 + residual[1] ** 2
+        noise2 = float(np.median(length2)) / (2 * np.log(2.0))
+        if weight is not None:
+            inside = length2 < noise2 * (2.5**2)
+            count = int(inside.sum())
+            if count > PARAMETERS:
+                # the mean of a chi-square of two degrees truncated at 2.5^2
+                k = 2.5**2 / 2
+                share = 1 - k * np.exp(-k) / (1 - np.exp(-k))
+                # the fit takes up about 5 to 8 of the 2n degrees of freedom
+                noise2 = float(length2[inside].mean()) / (2 * share) * count / max(count - 3.0, 1.0)
+        floor, cap = self.prior.noise_floor, self.prior.noise_cap
+        return float(min(max(np.sqrt(noise2), floor), cap))
+
+    def weights(self, residual: Array, noise: float, cut: float) -> Array:
+        e = (residual[0] ** 2 + residual[1] ** 2) * (1.0 / (cut * noise) ** 2)
+        return np.maximum(0.0, 1.0 - e) ** 2
+
+    def cost(self, x: Array, residual: Array, noise: float, cut: float) -> float:
+        e = np.minimum((residual[0] ** 2 + residual[1] ** 2) * (1.0 / (cut * noise) ** 2), 1.0)
+        tukey = float((1 - (1 - e) ** 3).sum()) * cut**2 / 6
+        return tukey + 0.5 * float((self.precision * x * x).sum())
+
+
+def start_from_homography(new: Points, old: Points, old_from_new: Array) -> tuple[Array, float, float] | None:
+    """(t, a, b) from the rank-1 split of a robust homography of the derotated tracks.
+
+    The homography new -> derotated old is (I - t n^T) up to scale; its middle singular value is the scale.
+    """
+    p = np.column_stack((new, np.ones(len(new))))
+    q = np.column_stack((old, np.ones(len(old)))) @ old_from_new
+    if (q[:, 2] <= 1e-6).any():
+        return None
+    q = q / q[:, 2:]
+    h = _robust_homography(p[:, :2], q[:, :2])
+    if h is None:
+        return None
+    singular = np.linalg.svd(h, compute_uv=False)
+    if singular[1] < 1e-9:
+        return None
+    h = h / singular[1]
+    if np.linalg.det(h) < 0:
+        h = -h
+    u, s, vt = np.linalg.svd(np.eye(3) - h)
+    n = vt[0]
+    if abs(n[2]) < 1e-3 * np.linalg.norm(n[:2]) or abs(n[2]) < 1e-6:
+        return u[:, 0] * s[0], 0.0, 0.0
+    t = u[:, 0] * s[0] * n[2]
+    a, b = -n[0] / n[2], -n[1] / n[2]
+    limit = 4.0
+    return t, float(np.clip(a, -limit, limit)), float(np.clip(b, -limit, limit))
+
+
+def _robust_homography(p: Points, q: Points, hypotheses: int = 96, seed: int = 1) -> Array | None:
+    """Homography (3, 3) of (n, 2) points by a batch of four-point hypotheses and two refits; least median wins."""
+    n = len(p)
+    rng = np.random.default_rng(seed)
+    pick = rng.random((hypotheses, n)).argpartition(3, axis=1)[:, :4]
+    x, y, u, v = p[pick, 0], p[pick, 1], q[pick, 0], q[pick, 1]
+    rows = np.zeros((hypotheses, 8, 8))
+    rows[:, 0::2, 0], rows[:, 0::2, 1], rows[:, 0::2, 2] = x, y, 1
+    rows[:, 1::2, 3], rows[:, 1::2, 4], rows[:, 1::2, 5] = x, y, 1
+    rows[:, 0::2, 6], rows[:, 0::2, 7] = -u * x, -u * y
+    rows[:, 1::2, 6], rows[:, 1::2, 7] = -v * x, -v * y
+    right = np.empty((hypotheses, 8, 1))
+    right[:, 0::2, 0], right[:, 1::2, 0] = u, v
+    rows[:, range(8), range(8)] += 1e-12
+    usable = np.abs(np.linalg.det(rows)) > 1e-24
+    if not usable.any():
+        return None
+    h = np.linalg.solve(rows[usable], right[usable])[..., 0]
+    h = np.concatenate((h, np.ones((len(h), 1))), axis=1).reshape(-1, 3, 3)
+    ones = np.ones((n, 1))
+    out = np.concatenate((p, ones), axis=1) @ h.transpose(0, 2, 1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        error = ((out[..., :2] / out[..., 2:] - q) ** 2).sum(axis=2)
+    error = np.where(np.isfinite(error), error, np.inf)
+    score = np.partition(error, n // 2, axis=1)[:, n // 2]
+    best = int(score.argmin())
+    estimate, e = h[best], error[best]
+    for _ in range(2):
+        inside = e <= max(float(np.median(e)) * 6.0, 1e-12)
+        if int(inside.sum()) < 6:
+            break
+        refit = _linear_homography(p[inside], q[inside])
+        out1 = np.concatenate((p, ones), axis=1) @ refit.T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            e1 = ((out1[:, :2] / out1[:, 2:] - q) ** 2).sum(axis=1)
+        if not np.isfinite(e1).all() or np.median(e1) > np.median(e) * 1.5:
+            break
+        estimate, e = refit, e1
+    return estimate
+
+
+def _linear_homography(p: Points, q: Points) -> Array:
+    x, y, u, v = p[:, 0], p[:, 1], q[:, 0], q[:, 1]
+    zero, one = np.zeros_like(x), np.ones_like(x)
+    top = np.column_stack((x, y, one, zero, zero, zero, -u * x, -u * y))
+    bottom = np.column_stack((zero, zero, zero, x, y, one, -v * x, -v * y))
+    solution = np.linalg.lstsq(np.concatenate((top, bottom)), np.concatenate((u, v)), rcond=None)[0]
+    return np.append(solution, 1.0).reshape(3, 3)
