@@ -101,7 +101,7 @@ class OverlayWriter:
         steps = np.diff(self._times)
         fps = 1 / float(np.median(steps)) if steps.size and np.median(steps) > 0 else DEFAULT_FPS
         height, width = self._pending[0].shape[:2]
-        self._writer = cv2.VideoWriter(str(self._path), cv2.VideoWriter_fourcc(*"mp4v"), fps, (width, height))
+        self._writer = cv2.VideoWriter(str(self._path), cv2.VideoWriter.fourcc(*"mp4v"), fps, (width, height))
         if not self._writer.isOpened():
             raise LandslopeError(f"{self._path}: a video of {width} x {height} cannot be written there")
         for picture in self._pending:

@@ -133,7 +133,8 @@ def type_name(entry: Entry) -> str:
 def _entry(path: str, hint: Any, default: Any) -> Entry:
     marks: tuple[Any, ...] = getattr(hint, "__metadata__", ())
     limits = next((mark for mark in marks if isinstance(mark, Limits)), None)
-    meaning = next((mark.meaning for mark in marks if getattr(mark, "meaning", "")), "")
+    words = (mark if isinstance(mark, str) else getattr(mark, "meaning", "") for mark in marks)
+    meaning = next(filter(None, words), "")
     file = next((mark for mark in marks if isinstance(mark, FilePath)), None)
     must_exist = file is not None and file.must_exist
     return Entry(path, _bare(hint), default, limits, meaning, file is not None, must_exist)

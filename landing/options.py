@@ -47,9 +47,12 @@ class TrackingOptions:
 class EstimatorOptions:
     """How the flow field becomes a plane."""
 
-    method: Literal["map", "quadratic"] = "map"
+    method: Annotated[
+        Literal["map", "quadratic"],
+        "exact maximum a posteriori plane fit, or the paper's quadratic flow fits",
+    ] = "map"
     seed: Annotated[int, Limits(0, 2**31 - 1, "", "seed of the random hypotheses")] = 1
-    use_attitude: bool = True
+    use_attitude: Annotated[bool, "take the vehicle's attitude out of the slopes"] = True
     attitude_std_deg: Annotated[
         float, Limits(0, 10, "deg", "error of the autopilot's roll and pitch, one sigma")
     ] = 0.2
