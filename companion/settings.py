@@ -71,6 +71,65 @@ class MavlinkSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class SyncSettings:
+    """How frames and telemetry are brought together in time."""
+
+    attitude_wait_s: Annotated[
+        float, Limits(0.02, 2, "s", "how long a frame waits for the attitude behind its exposure")
+    ] = 0.25
+    attitude_max_gap_s: Annotated[
+        float, Limits(0.01, 1, "s", "longest gap between attitudes that is interpolated over")
+    ] = 0.25
+    slerp_max_gap_s: Annotated[
+        float, Limits(0, 1, "s", "gaps between attitudes longer than this are filled with the gyro")
+    ] = 0.025
+    gyro_delay_s: Annotated[
+        float, Limits(0, 0.05, "s", "how far the autopilot's low-pass filter delays the gyro")
+    ] = 0.01
+    attitude_noise_rad: Annotated[
+        float, Limits(1e-5, 0.02, "rad", "noise of the rotation between two attitudes, one sigma")
+    ] = 2e-4
+    stamp_jitter_s: Annotated[float, Limits(0, 0.02, "s", "jitter of the frames' stamps, one sigma")] = 1e-4
+    velocity_max_age_s: Annotated[
+        float, Limits(0.02, 2, "s", "oldest velocity that is used for an exposure")
+    ] = 0.25
+    clock_window_s: Annotated[
+        float, Limits(2, 60, "s", "window of the lower envelope of arrival times")
+    ] = 10.0
+    clock_min_messages: Annotated[
+        int, Limits(3, 1000, "", "arrivals before the relation of the clocks is used")
+    ] = 10
+    drift_max_ppm: Annotated[float, Limits(1, 1000, "ppm", "largest drift between the two crystals")] = 200.0
+    jump_min_s: Annotated[float, Limits(0.03, 5, "s", "smallest jump of a clock that is called one")] = 0.1
+    jump_confirm_s: Annotated[
+        float, Limits(0.1, 5, "s", "how long arrivals must agree on a jump of the companion's clock")
+    ] = 0.5
+    link_jitter_s: Annotated[float, Limits(0, 0.1, "s", "jitter of the link to the autopilot")] = 0.008
+    link_delay_std_s: Annotated[
+        float, Limits(0, 0.1, "s", "doubt about the least delay of the link, one sigma")
+    ] = 5e-4
+    timesync_window_s: Annotated[
+        float, Limits(1, 120, "s", "window of which the shortest TIMESYNC round trip is taken")
+    ] = 30.0
+    timesync_std_floor_s: Annotated[
+        float, Limits(1e-5, 0.01, "s", "least doubt about a TIMESYNC round trip, one sigma")
+    ] = 2e-4
+
+
+@dataclass(frozen=True, slots=True)
+class HealthSettings:
+    """When an input counts as stale."""
+
+    frames_max_age_s: Annotated[float, Limits(0.05, 10, "s", "oldest frame of a live camera")] = 0.5
+    attitude_max_age_s: Annotated[float, Limits(0.05, 10, "s", "oldest attitude of a live link")] = 0.5
+    gyro_max_age_s: Annotated[float, Limits(0.05, 10, "s", "oldest gyro sample of a live link")] = 0.5
+    velocity_max_age_s: Annotated[float, Limits(0.05, 10, "s", "oldest velocity of a live link")] = 1.0
+    heartbeat_max_age_s: Annotated[float, Limits(1, 30, "s", "oldest heartbeat of a live autopilot")] = 3.0
+    landed_state_max_age_s: Annotated[float, Limits(0.2, 30, "s", "oldest landed state believed")] = 3.0
+    period_s: Annotated[float, Limits(0.1, 10, "s", "how often health is told")] = 1.0
+
+
+@dataclass(frozen=True, slots=True)
 class ZenohSettings:
     """How messages get out."""
 
@@ -136,6 +195,8 @@ class Settings:
     camera: CameraSettings = field(default_factory=CameraSettings)
     vehicle: VehicleSettings = field(default_factory=VehicleSettings)
     mavlink: MavlinkSettings = field(default_factory=MavlinkSettings)
+    sync: SyncSettings = field(default_factory=SyncSettings)
+    health: HealthSettings = field(default_factory=HealthSettings)
     zenoh: ZenohSettings = field(default_factory=ZenohSettings)
     tracking: TrackingOptions = field(default_factory=TrackingOptions)
     estimator: EstimatorOptions = field(default_factory=EstimatorOptions)
