@@ -62,7 +62,7 @@ class MapEstimator:
             std = np.hypot(std, baseline.rotation_std_rad)
         else:
             std = np.full(3, o.unmeasured_rotation_std_rad)
-        prior = FitPrior(std, o.slope_std, o.noise_floor_px / f, o.noise_cap_px / f)
+        prior = FitPrior(std, o.slope_std, noise_floor=o.noise_floor_px / f, noise_cap=o.noise_cap_px / f)
         return fit_plane(baseline.tracks.new, baseline.tracks.old, baseline.old_from_new, prior)
 
     def _plane(self, views: Views, baseline: Baseline, fit: PlaneFit) -> Plane:

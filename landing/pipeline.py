@@ -1,7 +1,9 @@
 """The whole way from one observation to one estimate of the surface below."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,14 +17,26 @@ from landing.observation import Observation
 from landing.options import EstimatorOptions, Options
 from landing.plane import Plane
 from landing.quadratic import QuadraticEstimator
-from landing.roughness import Relief, relief
 from landing.rotations import euler_from_matrix
+from landing.roughness import Relief, relief
 from landing.surface import surface
 from landing.views import Views
 
 Array = NDArray[np.float64]
 
-ESTIMATORS = {"quadratic": QuadraticEstimator, "map": MapEstimator}
+
+class Estimator(Protocol):
+    """A method: views in, plane out."""
+
+    def step(self, views: Views) -> Plane:
+        """The plane at the newest view."""
+        ...
+
+
+ESTIMATORS: dict[str, Callable[[EstimatorOptions, float], Estimator]] = {
+    "quadratic": QuadraticEstimator,
+    "map": MapEstimator,
+}
 """Methods by the name that ``estimator.method`` takes: (options, focal_px) -> object with step(Views) -> Plane."""
 
 

@@ -57,7 +57,7 @@ def relief(
     noise = max(float(np.median(np.abs(across))) * 1.4826, noise_floor)
     gross = np.abs(across) > gross_sigmas * noise
     scale = 1.0 / math.sqrt(float(normal @ normal))
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
         height = along / length * scale
         std = noise / length * scale
     height[length < 1e-9] = np.nan

@@ -7,6 +7,7 @@ take any gap between two frames without tracking again.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -16,6 +17,7 @@ from landing.camera import CameraModel
 from landing.options import TrackingOptions
 
 Points = NDArray[np.float64]
+Image = NDArray[Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +47,7 @@ class FeatureTracker:
         self.born = np.zeros(n, np.int64)
         self.pixels = np.full((n, 2), np.nan, np.float32)
         self.history = np.full((self.HISTORY, n, 2), np.nan)
-        self._reference: NDArray[np.uint8] | None = None
+        self._reference: Image | None = None
         self._reference_px = np.zeros((n, 2), np.float32)
         self._reference_frame = -1
         self._reference_mean = 1.0
@@ -60,7 +62,7 @@ class FeatureTracker:
         self.frame, self._reference = -1, None
         self.alive[:] = False
 
-    def step(self, image: NDArray[np.uint8], new_from_previous: NDArray[np.float64] | None = None) -> None:
+    def step(self, image: Image, new_from_previous: NDArray[np.float64] | None = None) -> None:
         """Follow the tracks into the next frame.
 
         ``new_from_previous`` (3, 3) predicts normalised homogeneous points of this frame from those of the
@@ -93,7 +95,7 @@ class FeatureTracker:
         """Share of the grid's cells that hold a track."""
         return float(self._occupied().sum()) / (self._rows * self._cols)
 
-    def _smooth(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def _smooth(self, image: Image) -> Image:
         sigma = self.options.blur_px
         if sigma > 0:
             image = cv2.GaussianBlur(image, (5, 5), sigma)
@@ -104,7 +106,7 @@ class FeatureTracker:
                 image = cv2.convertScaleAbs(image, alpha=gain)
         return image
 
-    def _follow(self, image: NDArray[np.uint8], new_from_previous: NDArray[np.float64] | None) -> None:
+    def _follow(self, image: Image, new_from_previous: NDArray[np.float64] | None) -> None:
         slots = np.flatnonzero(self.alive)
         if not len(slots):
             return
@@ -164,7 +166,7 @@ class FeatureTracker:
         cells[r, c] = True
         return cells
 
-    def _renew(self, image: NDArray[np.uint8]) -> None:
+    def _renew(self, image: Image) -> None:
         """Take this frame as the reference and put a corner into every cell that has no track."""
         self._reference, self._reference_frame = image, self.frame
         self._reference_mean = max(1.0, cv2.mean(image)[0])
