@@ -12,6 +12,7 @@ HEAD = """\
 // Made by 'landslope fleet router'; docs/fleet.md says how to use it.
 """
 WRITING = ["put", "delete", "reply", "declare_queryable", "liveliness_token"]
+HEARING = "vehicles hear who reads"
 READING = ["query", "declare_subscriber", "liveliness_query", "declare_liveliness_subscriber"]
 
 
@@ -34,17 +35,17 @@ def access_control(vehicles: Sequence[str], watchers: Sequence[str]) -> dict[str
     rules: list[dict[str, Any]] = []
     subjects: list[dict[str, Any]] = []
     policies: list[dict[str, Any]] = []
+    everything = ["landslope/**"]
     for vehicle in vehicles:
         own = [f"landslope/{vehicle}/**"]
         rules.append(_rule(f"{vehicle} writes its own", "ingress", WRITING, own))
-        # A publisher must hear who subscribes to its keys, or its previews stay off and it can answer nobody.
-        rules.append(_rule(f"{vehicle} hears who reads it", "egress", READING, own))
         subjects.append({"id": vehicle, "cert_common_names": [vehicle]})
-        policies.append(
-            {"subjects": [vehicle], "rules": [f"{vehicle} writes its own", f"{vehicle} hears who reads it"]}
-        )
+        policies.append({"subjects": [vehicle], "rules": [f"{vehicle} writes its own", HEARING]})
+    if vehicles:
+        # Who reads, not what is written: without it a publisher sends nothing. A rule covers a subscription
+        # only if it includes all of it, and watchers subscribe to "landslope/*/...".
+        rules.append(_rule(HEARING, "egress", READING, everything))
     if watchers:
-        everything = ["landslope/**"]
         rules.append(_rule("watchers ask", "ingress", READING, everything))
         rules.append(_rule("watchers hear", "egress", WRITING, everything))
         subjects.append({"id": "watchers", "cert_common_names": list(watchers)})
