@@ -22,6 +22,7 @@ from drivers.errors import DriverError
 from drivers.samples import Frame, Refusal, Sample
 
 PROGRESS_EVERY_FRAMES = 10
+FOLLOW_POLL_S = 0.05
 LONGEST_WAIT_S = 5.0
 """A hole in the recording is not waited out for longer than this at the recorded pace."""
 
@@ -32,8 +33,11 @@ class Autopilot(Protocol):
     def request(self, request: LandRequest) -> None:
         """Send the command; returns at once."""
 
+    def replaces(self, sample: Sample) -> bool:
+        """Whether a recorded sample gives way to the autopilot's own."""
+
     def samples(self) -> list[Sample]:
-        """What the autopilot answered since the last call."""
+        """What the autopilot said since the last call, at the recording's time."""
 
     @property
     def busy(self) -> bool:
@@ -113,8 +117,8 @@ class _Run:
             if not self._frames:
                 raise
             damage = error
-        self._take(self._core.finish())
         self._follow_command()
+        self._take(self._core.finish())
         self.elapsed_s = time.perf_counter() - started
         if not self._job.realtime:
             self.elapsed_s -= self._drawing_s
@@ -133,7 +137,11 @@ class _Run:
         after_s = self._job.enable_after_s
         if after_s is not None and self._first_us and sample.arrival_us - self._first_us >= after_s * 1e6:
             self._core.set_enabled(True)
-        self._take(self._core.feed(sample))
+        if not (self._autopilot and self._autopilot.replaces(sample)):
+            self._take(self._core.feed(sample))
+        self._take_answers()
+
+    def _take_answers(self) -> None:
         if self._autopilot:
             for answer in self._autopilot.samples():
                 self._take(self._core.feed(answer))
@@ -171,9 +179,8 @@ class _Run:
     def _follow_command(self) -> None:
         """A command under way gets its outcome, though the recording has ended."""
         while self._autopilot and self._autopilot.busy:
-            time.sleep(0.05)
-            for answer in self._autopilot.samples():
-                self._take(self._core.feed(answer))
+            time.sleep(FOLLOW_POLL_S)
+            self._take_answers()
 
 
 def _connected(job: ReplayJob, source: ReplaySource, stack: ExitStack) -> Autopilot | None:

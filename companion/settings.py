@@ -68,6 +68,28 @@ class MavlinkSettings:
     autopilot_component: Annotated[int, Limits(1, 255, "", "the autopilot's component id")] = 1
     attitude_rate_hz: Annotated[float, Limits(1, 400, "Hz", "rate of ATTITUDE asked for")] = 100.0
     imu_rate_hz: Annotated[float, Limits(1, 400, "Hz", "rate of RAW_IMU or HIGHRES_IMU asked for")] = 100.0
+    position_rate_hz: Annotated[float, Limits(1, 100, "Hz", "rate of LOCAL_POSITION_NED asked for")] = 30.0
+    state_rate_hz: Annotated[
+        float, Limits(0.5, 50, "Hz", "rate of EXTENDED_SYS_STATE and RC_CHANNELS asked for")
+    ] = 5.0
+    timesync_rate_hz: Annotated[float, Limits(0.1, 50, "Hz", "rate of our TIMESYNC requests")] = 5.0
+    forward: Annotated[
+        tuple[str, ...], Meaning('programs that share the vehicle, as "udpout:127.0.0.1:14560"')
+    ] = ()
+    signing_key: Annotated[
+        str, FilePath("MAVLink 2 signing key (32 bytes or 64 hex digits); empty: nothing is signed")
+    ] = ""
+    heartbeat_max_age_s: Annotated[
+        float,
+        Limits(0.5, 30, "s", "our heartbeats stop when the pipeline has made no estimate for this long"),
+    ] = 2.0
+    status_text: Annotated[bool, Meaning("STATUSTEXT on changes of verdict, command and health")] = True
+    named_value_rate_hz: Annotated[
+        float, Limits(0, 10, "Hz", "rate of NAMED_VALUE_FLOAT to ground stations; 0: none")
+    ] = 2.0
+    optical_flow: Annotated[bool, Meaning("OPTICAL_FLOW to the autopilot's estimator, at every frame")] = (
+        False
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +105,9 @@ class SyncSettings:
     slerp_max_gap_s: Annotated[
         float, Limits(0, 1, "s", "gaps between attitudes longer than this are filled with the gyro")
     ] = 0.025
+    gyro_max_gap_s: Annotated[
+        float, Limits(0.002, 0.5, "s", "longest gap between gyro samples that are integrated")
+    ] = 0.05
     gyro_delay_s: Annotated[
         float, Limits(0, 0.05, "s", "how far the autopilot's low-pass filter delays the gyro")
     ] = 0.01
@@ -93,9 +118,9 @@ class SyncSettings:
     velocity_max_age_s: Annotated[
         float, Limits(0.02, 2, "s", "oldest velocity that is used for an exposure")
     ] = 0.25
-    clock_window_s: Annotated[
-        float, Limits(2, 60, "s", "window of the lower envelope of arrival times")
-    ] = 10.0
+    clock_window_s: Annotated[float, Limits(2, 60, "s", "window of the lower envelope of arrival times")] = (
+        10.0
+    )
     clock_min_messages: Annotated[
         int, Limits(3, 1000, "", "arrivals before the relation of the clocks is used")
     ] = 10
@@ -167,6 +192,36 @@ class LandingSettings:
         "MISSION",
         "POSCTL",
     )
+    enable_rc_channel: Annotated[
+        int, Limits(0, 18, "", "radio channel of the pilot's switch; 0: none, landing.enabled decides")
+    ] = 0
+    enable_rc_above_us: Annotated[
+        int, Limits(900, 2100, "us", "pulse above which the pilot's switch is on")
+    ] = 1700
+    enable_rc_hysteresis_us: Annotated[
+        int, Limits(0, 400, "us", "how far below that the switch must fall to be off")
+    ] = 100
+    enable_rc_max_age_s: Annotated[
+        float, Limits(0.2, 10, "s", "a radio not heard for this long counts as switched off")
+    ] = 1.5
+    enable_modes: Annotated[
+        tuple[str, ...], Meaning("flight modes that enable landing as the pilot's switch; empty: none")
+    ] = ()
+    stick_limit_us: Annotated[
+        int, Limits(0, 600, "us", "roll, pitch, throttle or yaw moved by this ends the permission; 0: never")
+    ] = 300
+    mode_timeout_s: Annotated[
+        float, Limits(1, 30, "s", "how long an accepted command may take to change the mode to LAND")
+    ] = 5.0
+    on_unfit: Annotated[
+        Literal["report", "hold"], Meaning("what to do when the surface turns out unfit after the request")
+    ] = "report"
+    unfit_min_height_m: Annotated[
+        float, Limits(0.3, 100, "m", "below this height an unfit surface no longer matters: it is too late")
+    ] = 1.5
+    unfit_min_contact_s: Annotated[
+        float, Limits(0.5, 30, "s", "the same as time to contact, where the height is not known")
+    ] = 3.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,6 +29,9 @@ REBOOT_BACK_US = 1_000_000
 SAY_AGAIN_US = 30_000_000
 """The same refusal is told as an event at most this often; every one is counted."""
 HEARTBEAT_ID = 0
+KNOCK_EVERY_US = 1_000_000
+DEFAULT_SYSTEM_ID = 1
+"""As which system we speak before any vehicle was heard and none is named."""
 IMU_OF = {"ardupilot": ("RAW_IMU",), "px4": ("HIGHRES_IMU",)}
 """Autopilot -> the gyro message it sends; an unknown one is asked for both."""
 
@@ -250,16 +253,25 @@ class Link:
 
     def _keep(self) -> None:
         """Ask for rates and for the time, regularly."""
+        knocked_us = 0
         while not self._stop.wait(HOUSEKEEPING_S):
-            if self.system_id is None:
-                continue
             now_us = host_now_us()
+            if self.system_id is None:
+                if now_us - knocked_us >= KNOCK_EVERY_US:
+                    knocked_us = now_us
+                    self._knock(now_us)
+                continue
             for request in self.rates.due(now_us):
                 self.send(self._interval_command(request.message_id, request.interval_us))
             self._tell_slow(now_us)
             ts1_ns = self._timesync.due(host_now_us())
             if ts1_ns is not None:
                 self.send(dialect.MAVLink_timesync_message(0, ts1_ns))
+
+    def _knock(self, now_us: int) -> None:
+        """Over UDP and through routers the vehicle speaks only to those who spoke first."""
+        system = self.options.system_id or DEFAULT_SYSTEM_ID
+        self._write(self._sealer.pack(dialect.MAVLink_timesync_message(0, now_us * 1000), system))
 
     def _interval_command(self, message_id: int, interval_us: int) -> Any:
         return dialect.MAVLink_command_long_message(

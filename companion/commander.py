@@ -1,0 +1,106 @@
+"""Carries out requests to land: one thread, one command at a time, answers come back as samples."""
+
+import logging
+import queue
+import threading
+from collections.abc import Callable
+from typing import Literal
+
+from companion.command import NAV_LAND
+from companion.core import LandRequest
+from drivers.autopilot import Autopilot, Outcome
+from drivers.errors import DriverError
+from drivers.host_clock import now_us
+from drivers.link import Link
+from drivers.samples import CommandAnswer, Sample
+
+log = logging.getLogger(__name__)
+
+CONNECT_S = 0.5
+AMBIGUOUS_VEHICLE = "AMBIGUOUS_VEHICLE"
+LONGEST_COMMAND_S = 12.0
+"""MAVSDK gives up after 10 s at the latest."""
+
+
+class Commander:
+    """Owns MAVSDK. ``on_samples`` gets a CommandAnswer where the autopilot itself gave none.
+
+    The autopilot's own answers reach the pipeline through the link, like all its messages.
+    """
+
+    def __init__(self, link: Link, on_samples: Callable[[list[Sample]], None]) -> None:
+        self._link = link
+        self._on_samples = on_samples
+        self._autopilot = Autopilot(link)
+        self._orders: queue.SimpleQueue[Literal["land", "hold"]] = queue.SimpleQueue()
+        self._open = 0
+        self._lock = threading.Lock()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="commander", daemon=True)
+
+    def start(self) -> None:
+        """Begin: MAVSDK connects as soon as the link knows the vehicle."""
+        self._thread.start()
+
+    @property
+    def busy(self) -> bool:
+        """Whether a command waits or is under way."""
+        return self._open > 0
+
+    @property
+    def connected(self) -> bool:
+        """Whether MAVSDK has found the vehicle."""
+        return self._autopilot.connected
+
+    def request(self, request: LandRequest) -> None:
+        """Send MAV_CMD_NAV_LAND, once; returns at once."""
+        log.info("landing requested at frame %s", request.frame)
+        self._order("land")
+
+    def hold(self) -> None:
+        """Ask the autopilot to hold; returns at once."""
+        self._order("hold")
+
+    def close(self, timeout_s: float = LONGEST_COMMAND_S) -> bool:
+        """Let a command under way get its answer; False when it did not in time (MAVSDK is then left alone)."""
+        self._stop.set()
+        self._thread.join(timeout=timeout_s)
+        if self._thread.is_alive():
+            return False
+        self._autopilot.close()
+        return True
+
+    def _order(self, order: Literal["land", "hold"]) -> None:
+        with self._lock:
+            self._open += 1
+        self._orders.put(order)
+
+    def _run(self) -> None:
+        while not (self._stop.is_set() and self._orders.empty()):
+            self._connect()
+            try:
+                order = self._orders.get(timeout=0.1)
+            except queue.Empty:
+                continue
+            self._carry_out(order)
+            with self._lock:
+                self._open -= 1
+
+    def _connect(self) -> None:
+        if not self._autopilot.connected and not self._stop.is_set():
+            try:
+                self._autopilot.connect(CONNECT_S)
+            except DriverError as error:
+                log.error("%s", error)
+                self._stop.wait(CONNECT_S)
+
+    def _carry_out(self, order: Literal["land", "hold"]) -> None:
+        if self._link.ambiguous:
+            outcome = Outcome(AMBIGUOUS_VEHICLE, (), "not called")
+        elif order == "hold":
+            outcome = self._autopilot.hold()
+        else:
+            outcome = self._autopilot.land()
+        log.info("%s: %s (MAVSDK: %s)", order, outcome.result.lower().replace("_", " "), outcome.mavsdk)
+        if order == "land" and outcome.result not in outcome.answers:
+            self._on_samples([CommandAnswer(now_us(), NAV_LAND, outcome.result)])

@@ -1,0 +1,58 @@
+"""MAV_CMD_NAV_LAND through a real MAVSDK over a real UDP socket, against every way an autopilot may answer."""
+
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+import vehicle_support as vs
+from vehicle_support import TestVehicle, free_udp_port
+
+from drivers.autopilot import Autopilot
+from drivers.link import Link, LinkOptions
+from drivers.samples import CommandAnswer, Sample
+
+Setup = tuple[TestVehicle, Link, Autopilot, list[Sample]]
+
+
+@pytest.fixture
+def setup() -> Iterator[Callable[..., Setup]]:
+    closers: list[Callable[[], None]] = []
+
+    def make(answer: tuple[tuple[float, int], ...]) -> Setup:
+        port = free_udp_port()
+        samples: list[Sample] = []
+        link = Link(LinkOptions(f"udpin:127.0.0.1:{port}", system_id=1), samples.extend)
+        autopilot = Autopilot(link)
+        vehicle = TestVehicle(port, answer)
+        vehicle.__enter__()
+        link.start()
+        closers.extend((autopilot.close, link.close, lambda: vehicle.__exit__()))
+        deadline = time.monotonic() + 10
+        while not autopilot.connect(0.5) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        assert autopilot.connected
+        return vehicle, link, autopilot, samples
+
+    yield make
+    for close in closers:
+        close()
+
+
+@pytest.mark.parametrize(
+    ("answer", "result", "answers"),
+    [
+        (vs.ACCEPTED, "ACCEPTED", ("ACCEPTED",)),
+        (vs.DENIED, "DENIED", ("DENIED",)),
+        (vs.TEMPORARILY_REJECTED, "TEMPORARILY_REJECTED", ("TEMPORARILY_REJECTED",)),
+        (vs.IN_PROGRESS_ACCEPTED, "ACCEPTED", ("IN_PROGRESS", "ACCEPTED")),
+        (vs.IN_PROGRESS_SILENCE, "NO_ANSWER", ("IN_PROGRESS",)),
+        (vs.SILENCE, "NO_ANSWER", ()),
+    ],
+)
+def test_every_answer_and_silence_has_its_name(setup, answer, result, answers) -> None:
+    vehicle, _, autopilot, samples = setup(answer)
+    outcome = autopilot.land()
+    assert (outcome.result, tuple(dict.fromkeys(outcome.answers))) == (result, answers)
+    assert len(vehicle.land_commands()) <= (1 if answers and answers[0] != "IN_PROGRESS" else 4)
+    told = tuple(s.result for s in samples if isinstance(s, CommandAnswer) and s.command == 21)
+    assert told == outcome.answers
