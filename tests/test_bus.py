@@ -30,25 +30,27 @@ def test_a_watcher_in_another_process_gets_every_decision_and_event_of_a_burst(t
     endpoint = free_endpoint()
     routed = through != "peer to peer"
     mode = "client" if through == "router as client" else "peer"
-    with router(endpoint) if routed else Watcher("--listen", endpoint) as first:
-        with Watcher("--connect", endpoint, "--set", "zenoh.mode=client") if routed else first as watcher:
-            with Bus("kestrel", Endpoints(mode=mode, connect=(endpoint,)), retry=True) as bus:
-                watcher.until(alive(True))
-                wait_until(lambda: bus.subscribed("decision") and bus.subscribed("event"))
-                for number in range(2000):
-                    bus.put("estimate", numbered(number))
-                    if number % 10 == 0:
-                        bus.put("decision", numbered(number))
-                        bus.put("event", numbered(number))
-                watcher.until(lambda seen: sum(m["topic"] == "event" for m in seen) >= 200)
-                watcher.until(lambda seen: sum(m["topic"] == "decision" for m in seen) >= 200)
-                for topic in ("decision", "event"):
-                    assert [m["number"] for m in watcher.of(topic)] == list(range(0, 2000, 10))
-                estimates = [m["number"] for m in watcher.of("estimate")]
-                assert estimates == sorted(set(estimates))
-                assert all(m["vehicle"] == "kestrel" for m in watcher.seen)
-                assert bus.unsent == 0
-            watcher.until(alive(False))
+    with (
+        router(endpoint) if routed else Watcher("--listen", endpoint) as first,
+        Watcher("--connect", endpoint, "--set", "zenoh.mode=client") if routed else first as watcher,
+    ):
+        with Bus("kestrel", Endpoints(mode=mode, connect=(endpoint,)), retry=True) as bus:
+            watcher.until(alive(True))
+            wait_until(lambda: bus.subscribed("decision") and bus.subscribed("event"))
+            for number in range(2000):
+                bus.put("estimate", numbered(number))
+                if number % 10 == 0:
+                    bus.put("decision", numbered(number))
+                    bus.put("event", numbered(number))
+            watcher.until(lambda seen: sum(m["topic"] == "event" for m in seen) >= 200)
+            watcher.until(lambda seen: sum(m["topic"] == "decision" for m in seen) >= 200)
+            for topic in ("decision", "event"):
+                assert [m["number"] for m in watcher.of(topic)] == list(range(0, 2000, 10))
+            estimates = [m["number"] for m in watcher.of("estimate")]
+            assert estimates == sorted(set(estimates))
+            assert all(m["vehicle"] == "kestrel" for m in watcher.seen)
+            assert bus.unsent == 0
+        watcher.until(alive(False))
 
 
 def test_configuration_and_last_decision_are_answered_and_nothing_else():

@@ -1,0 +1,149 @@
+"""Estimates of a flight against its truth.csv: how wrong, how often, how safe.
+
+``python tests/score.py FLIGHT ESTIMATES.jsonl`` prints the figures. Truth has one row a camera frame:
+``slope_a``, ``slope_b`` (tangents, camera frame), ``inclination_deg``, ``cam_wx`` to ``cam_wz`` (camera velocity
+over the distance along the axis, 1/s), ``plane_fraction`` (share of the view that belongs to the plane under the
+axis), ``relief`` (RMS distance of all that is in view from its best plane, over the distance along the axis) and
+``fit_inclination_deg`` (of that plane). Slopes count where one plane fills the view; the flat flag and the
+roughness are held against the whole view, without the doubtful cases between plainly good and plainly bad.
+"""
+
+import csv
+import json
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+WARM_UP_S = 2.0
+WHOLE_PLANE = 0.97
+EVEN, UNEVEN = 0.003, 0.015
+SLOPE_MARGIN_DEG = 2.0
+LEAST_FLOW = 0.05
+LEAST_DIVERGENCE = 2 / 30
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Median, 95th percentile and largest of a set of errors; None when there are none."""
+
+    n: int
+    median: float | None
+    p95: float | None
+    max: float | None
+
+
+@dataclass(frozen=True)
+class Score:
+    """The figures of one flight; angles in degrees, flow and time to contact relative."""
+
+    frames: int
+    coverage: float
+    slope: Errors
+    inclination: Errors
+    inclination_over_std: Errors
+    ventral_flow: Errors
+    time_to_contact: Errors
+    landable_said_flat: int
+    landable_missed: int
+    unsafe_said_flat: int
+    unsafe_refused: int
+    roughness_auc: float | None
+
+
+def truth_of(flight: Path) -> dict[str, np.ndarray]:
+    """Columns of truth.csv by name, each (n,)."""
+    with (flight / "truth.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    return {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+
+
+def score(flight: Path, estimates: Iterable[Mapping[str, Any]], max_slope_deg: float = 10.0) -> Score:
+    """Hold the estimates (one mapping a frame, as in ``--out`` files) against the flight's truth."""
+    truth = truth_of(flight)
+    by_frame = {int(e["frame"]): e for e in estimates}
+    rows = [by_frame.get(int(frame), {}) for frame in truth["frame"]]
+    ok = np.array([row.get("status") == "ok" for row in rows])
+    said_flat = ok & np.array([bool(row.get("flat")) for row in rows])
+
+    def told(name: str) -> np.ndarray:
+        values = [row.get(name) if good else None for row, good in zip(rows, ok, strict=True)]
+        return np.array([np.nan if v is None else v for v in values], dtype=np.float64)
+
+    late = truth["time_boot_s"] - truth["time_boot_s"][0] > WARM_UP_S
+    plane = truth["plane_fraction"] >= WHOLE_PLANE
+    judged = ok & plane
+
+    slope_errors = np.stack(
+        [
+            told("slope_x_deg") - np.degrees(np.arctan(truth["slope_a"])),
+            told("slope_y_deg") - np.degrees(np.arctan(truth["slope_b"])),
+        ]
+    )[:, judged]
+    inclination_error = np.abs(told("inclination_deg") - truth["inclination_deg"])
+    std = told("inclination_std_deg")
+    flow = np.hypot(truth["cam_wx"], truth["cam_wy"])
+    flow_error = np.hypot(told("ventral_flow_x") - truth["cam_wx"], told("ventral_flow_y") - truth["cam_wy"])
+    divergence = 2 * truth["cam_wz"] + truth["cam_wx"] * truth["slope_a"] + truth["cam_wy"] * truth["slope_b"]
+    contact = told("time_to_contact_s")
+    approaching = judged & (divergence > LEAST_DIVERGENCE) & np.isfinite(contact) & (contact != 0)
+    moving = judged & (flow > LEAST_FLOW)
+    with_std = judged & (std > 0)
+
+    even, uneven = truth["relief"] <= EVEN, truth["relief"] >= UNEVEN
+    steepness = truth["fit_inclination_deg"]
+    landable = late & even & (steepness <= max_slope_deg - SLOPE_MARGIN_DEG)
+    unsafe = late & ~landable & (uneven | (steepness >= max_slope_deg + SLOPE_MARGIN_DEG))
+    roughness = told("roughness")
+    rated = late & np.isfinite(roughness)
+
+    return Score(
+        frames=len(rows),
+        coverage=float(ok[plane & late].mean()) if (plane & late).any() else float("nan"),
+        slope=_errors(np.abs(slope_errors).ravel()),
+        inclination=_errors(inclination_error[judged]),
+        inclination_over_std=_errors(inclination_error[with_std] / std[with_std]),
+        ventral_flow=_errors(flow_error[moving] / flow[moving]),
+        time_to_contact=_errors(np.abs(contact[approaching] * divergence[approaching] / 2 - 1)),
+        landable_said_flat=int((landable & said_flat).sum()),
+        landable_missed=int((landable & ~said_flat).sum()),
+        unsafe_said_flat=int((unsafe & said_flat).sum()),
+        unsafe_refused=int((unsafe & ~said_flat).sum()),
+        roughness_auc=_separation(roughness[rated & even], roughness[rated & uneven]),
+    )
+
+
+def read_estimates(path: Path) -> list[dict[str, Any]]:
+    """The lines of an ``--out`` file."""
+    return [json.loads(line) for line in path.read_text().splitlines() if line.strip()]
+
+
+def _errors(values: np.ndarray) -> Errors:
+    values = values[np.isfinite(values)]
+    if not values.size:
+        return Errors(0, None, None, None)
+    median, p95 = np.percentile(values, (50, 95))
+    return Errors(values.size, float(median), float(p95), float(values.max()))
+
+
+def _separation(low: np.ndarray, high: np.ndarray) -> float | None:
+    """Probability that a value of ``low`` lies below one of ``high``, ties counting half."""
+    if not (low.size and high.size):
+        return None
+    ordered = np.sort(high)
+    below = np.searchsorted(ordered, low, "right")
+    strictly = np.searchsorted(ordered, low, "left")
+    return float(1 - (below + strictly).sum() / 2 / (low.size * high.size))
+
+
+def main() -> None:
+    """Print the figures of one flight."""
+    flight, estimates = map(Path, sys.argv[1:])
+    print(json.dumps(asdict(score(flight, read_estimates(estimates))), indent=1))
+
+
+if __name__ == "__main__":
+    main()
