@@ -129,9 +129,19 @@ class FlightController:
         self.armed = True
         self.mode = mode
         self._hold_here()
-        self._shaped = self.vehicle.velocity
+        self._trim()
         n, e, _ = self.vehicle.position
         self.home = (n, e, -(self.vehicle.ground(n, e) + self.vehicle.airframe.leg_m))
+
+    def _trim(self) -> None:
+        """Lean into the mean wind as a vehicle does that has hung in it for a while."""
+        vehicle, wind = self.vehicle, self.vehicle.wind
+        north = vehicle.airframe.drag * (vehicle.velocity[0] - wind.north)
+        east = vehicle.airframe.drag * (vehicle.velocity[1] - wind.east)
+        self._integral = [north, east, 0.0]
+        self._shaped = vehicle.velocity
+        vehicle.attitude = from_thrust_and_yaw((north, east, -GRAVITY), self._yaw)
+        vehicle.thrust = math.sqrt(north * north + east * east + GRAVITY * GRAVITY)
 
     def take_off(self, height_m: float) -> bool:
         """Climb to ``height_m`` over home; only armed, on the ground, in GUIDED."""
