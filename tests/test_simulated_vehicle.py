@@ -66,8 +66,8 @@ def test_it_holds_its_place_in_gusts_by_leaning_into_the_wind() -> None:
     vehicle = controller.vehicle
     assert math.hypot(vehicle.position[0], vehicle.position[1]) < 1.0
     assert vehicle.position[2] == pytest.approx(-5, abs=0.2)
-    assert vehicle.euler[1] < -0.1  # nose down, against a wind that blows north
-    assert vehicle.euler[0] < -0.05  # left side down, against a wind that blows west
+    assert vehicle.euler[1] > 0.1  # nose up, against a wind that blows north
+    assert vehicle.euler[0] > 0.05  # right side down, against a wind that blows west
 
 
 def test_forward_flight_begins_by_pitching_down_and_ends_by_pitching_up() -> None:
