@@ -110,7 +110,7 @@ class SyncSettings:
     ] = 0.05
     gyro_delay_s: Annotated[
         float, Limits(0, 0.05, "s", "how far the autopilot's low-pass filter delays the gyro")
-    ] = 0.01
+    ] = 0.004
     attitude_noise_rad: Annotated[
         float, Limits(1e-5, 0.02, "rad", "noise of the rotation between two attitudes, one sigma")
     ] = 2e-4

@@ -1,0 +1,87 @@
+"""The frames' own time line: stamps that repeat or fall back are refused, a clock that was set is followed."""
+
+from collections import deque
+from dataclasses import dataclass
+
+WITNESSES = 3
+"""Frames in a row that fell back and rise among themselves: the clock was set, they are not out of order."""
+
+START_PERIOD_US = 33_333
+PERIOD_WEIGHT = 0.1
+"""Weight of the newest interval in the usual one."""
+
+STEPS_KEPT_US = 5_000_000
+"""How long a step in the stamps waits for the telemetry to show the same."""
+
+
+@dataclass(frozen=True, slots=True)
+class FrameTime:
+    """``steady_us``: the stamp with jumps of the companion's clock taken out; ``time_us`` rises with every frame."""
+
+    steady_us: int
+    time_us: int
+    jump_us: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    excess_us: int
+    steady_us: int
+    applied_us: int
+
+
+class FrameTimeline:
+    """Feed it every stamp. ``step_min_us``: a gap that is longer than usual by this may be a jump of the clock."""
+
+    def __init__(self, step_min_us: int) -> None:
+        self.shift_us = 0
+        self._step_min_us = step_min_us
+        self._period_us = float(START_PERIOD_US)
+        self._last_us: int | None = None
+        self._time_us = 0
+        self._lead_us = 0
+        self._fallen: list[int] = []
+        self._steps: deque[_Step] = deque(maxlen=8)
+
+    def feed(self, stamp_us: int) -> FrameTime | str:
+        """The times of a frame, or why it is refused: "repeated_stamp", "backward_stamp"."""
+        if self._last_us is None:
+            self._last_us = self._time_us = stamp_us
+            return FrameTime(stamp_us, stamp_us)
+        delta_us = stamp_us - self._last_us
+        if delta_us == 0:
+            return "repeated_stamp"
+        jump_us = 0
+        if delta_us < 0:
+            self._fallen = (
+                [*self._fallen, stamp_us] if not self._fallen or stamp_us > self._fallen[-1] else [stamp_us]
+            )
+            if len(self._fallen) < WITNESSES:
+                return "backward_stamp"
+            jump_us = round(self._fallen[0] - self._last_us - self._period_us)
+            self.shift_us += jump_us
+            self._steps.append(_Step(jump_us, stamp_us - self.shift_us, jump_us))
+        elif delta_us - self._period_us > self._step_min_us:
+            self._steps.append(_Step(round(delta_us - self._period_us), stamp_us - self.shift_us, 0))
+        else:
+            self._period_us += PERIOD_WEIGHT * (delta_us - self._period_us)
+        self._fallen = []
+        self._last_us = stamp_us
+        steady_us = stamp_us - self.shift_us
+        if steady_us + self._lead_us <= self._time_us:
+            self._lead_us = round(self._time_us + self._period_us) - steady_us
+        self._time_us = steady_us + self._lead_us
+        return FrameTime(steady_us, self._time_us, jump_us)
+
+    def telemetry_jumped(self, jump_us: int) -> bool:
+        """The telemetry's arrivals jumped: take the same step of the frames' stamps out, if they made it."""
+        if self._last_us is None:
+            return False
+        newest_us = self._last_us - self.shift_us
+        for step in reversed(self._steps):
+            near = abs(step.excess_us - jump_us) < self._step_min_us
+            if near and newest_us - step.steady_us < STEPS_KEPT_US:
+                self.shift_us += jump_us - step.applied_us
+                self._steps.remove(step)
+                return True
+        return False

@@ -1,0 +1,209 @@
+"""Frames and telemetry brought together: each frame leaves with the attitude at the middle of its exposure."""
+
+from collections import Counter, deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.attitude import AttitudeBuffer, BodyAttitude
+from companion.clock import AutopilotClock, ClockChange
+from companion.frame_time import FrameTimeline
+from companion.settings import Settings
+from drivers.samples import AngularRate, Attitude, ClockOffset, Frame, Sample, Velocity
+
+MILLISECOND_US = 1000
+VELOCITIES_KEPT = 64
+MICROSECOND_SOURCES = ("RAW_IMU", "HIGHRES_IMU")
+"""Gyro messages stamped in microseconds; all other boot times are cut off to milliseconds."""
+
+TelemetrySample = Attitude | AngularRate | Velocity
+
+
+@dataclass(frozen=True, slots=True)
+class ReadyFrame:
+    """A frame with what is known of the vehicle at mid-exposure.
+
+    ``exposure_us``: mid-exposure on the companion's clock as stamped; ``time_us`` rises from frame to frame;
+    ``boot_us``: mid-exposure in boot time, None without a relation. ``attitude`` is the reason where there is none.
+    """
+
+    frame: Frame
+    exposure_us: int
+    time_us: int
+    boot_us: int | None
+    attitude: BodyAttitude | str
+    velocity_ned: NDArray[np.float64] | None
+
+
+@dataclass(frozen=True, slots=True)
+class Notice:
+    """Something about the clocks: a name of companion.events and its details."""
+
+    name: str
+    details: dict[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class _Waiting:
+    frame: Frame
+    steady_us: int
+    exposure_us: int
+    time_us: int
+
+
+class Synchroniser:
+    """Feed it frames, attitudes, gyro samples, velocities and round trips; take ready frames and notices.
+
+    ``now_us`` is the steady companion time of the newest sample. Frames leave in order, each as soon as an attitude
+    behind its exposure has come, or after ``sync.attitude_wait_s`` of sample time without.
+    """
+
+    def __init__(self, settings: Settings, telemetry: bool) -> None:
+        self._s = settings.sync
+        self._offset_us = round(settings.camera.time_offset_s * 1e6)
+        self._telemetry = telemetry
+        self.clock = AutopilotClock(settings.sync)
+        self.frame_time = FrameTimeline(round(settings.sync.jump_min_s * 1e6))
+        self._attitudes = AttitudeBuffer(settings.sync)
+        self._velocities: deque[tuple[int, tuple[float, float, float]]] = deque(maxlen=VELOCITIES_KEPT)
+        self._waiting: deque[_Waiting] = deque()
+        self._settled = False
+        self.now_us = 0
+        self.refused: Counter[tuple[str, str]] = Counter()
+        """(input, reason) of samples that this refused; the reader empties it."""
+
+    def feed(self, sample: Sample) -> tuple[list[ReadyFrame], list[Notice]]:
+        """Take one sample."""
+        notices: list[Notice] = []
+        ready: list[ReadyFrame] = []
+        if isinstance(sample, Frame):
+            self._take_frame(sample, notices)
+        elif isinstance(sample, TelemetrySample):
+            self._take_telemetry(sample, ready, notices)
+        elif isinstance(sample, ClockOffset):
+            s = sample
+            self.clock.feed_round_trip(s.boot_us, s.arrival_us, s.offset_us, s.round_trip_us)
+        elif not self._telemetry or self.clock.settled:
+            self._advance(sample.arrival_us - self.clock.shift_us)
+        if self._waiting:
+            ready += self._ready()
+        return ready, notices
+
+    def flush(self, reason: str) -> list[ReadyFrame]:
+        """All frames still waiting; those without an attitude behind them leave for ``reason``."""
+        ready = []
+        while self._waiting:
+            ready.append(self._leave(self._waiting.popleft(), reason))
+        return ready
+
+    def raw_us(self) -> int:
+        """The newest moment on the companion's clock as it is stamped."""
+        return self.now_us + self.frame_time.shift_us
+
+    def _advance(self, steady_us: int) -> None:
+        self.now_us = max(self.now_us, steady_us)
+
+    def _take_frame(self, frame: Frame, notices: list[Notice]) -> None:
+        times = self.frame_time.feed(frame.stamp_us)
+        if isinstance(times, str):
+            self.refused["frames", times] += 1
+            return
+        if times.jump_us:
+            notices.append(Notice("frames_jumped", {"jump_s": round(times.jump_us * 1e-6, 6)}))
+        self._advance(frame.arrival_us - self.frame_time.shift_us)
+        exposure_us = frame.stamp_us - self._offset_us
+        self._waiting.append(_Waiting(frame, times.steady_us, exposure_us, times.time_us))
+
+    def _take_telemetry(
+        self, sample: TelemetrySample, ready: list[ReadyFrame], notices: list[Notice]
+    ) -> None:
+        exact = isinstance(sample, AngularRate) and sample.source in MICROSECOND_SOURCES
+        arrival = self.clock.feed(sample.boot_us, sample.arrival_us, 0 if exact else MILLISECOND_US)
+        if arrival.change is ClockChange.REBOOTED:
+            ready += self.flush("autopilot_rebooted")
+            self._attitudes.clear()
+            self._velocities.clear()
+            notices.append(Notice("autopilot_rebooted", {}))
+        elif arrival.change is ClockChange.JUMPED:
+            both = self.frame_time.telemetry_jumped(arrival.jump_us)
+            jump_s = round(arrival.jump_us * 1e-6, 6)
+            notices.append(Notice("clock_jumped", {"jump_s": jump_s, "frames_too": both}))
+            self.now_us = arrival.steady_us or self.now_us  # it may have run ahead with frames that jumped
+        elif arrival.change is ClockChange.WRAPPED:
+            notices.append(Notice("boot_time_wrapped", {}))
+        if arrival.steady_us is not None:
+            self._advance(arrival.steady_us)
+        if self.clock.settled != self._settled:
+            self._settled = self.clock.settled
+            if self._settled:
+                notices.append(Notice("clock_settled", {"std_s": round(self.clock.std_s, 6)}))
+        if arrival.boot_us is not None:
+            self._keep(sample, arrival.boot_us)
+        else:
+            self.refused[_INPUT[type(sample)], "boot_time_fell"] += 1
+
+    def _keep(self, sample: TelemetrySample, boot_us: int) -> None:
+        if isinstance(sample, Attitude):
+            taken = self._attitudes.add_attitude(boot_us, sample)
+        elif isinstance(sample, AngularRate):
+            taken = self._attitudes.add_rate(boot_us, sample)
+        else:
+            taken = not self._velocities or boot_us > self._velocities[-1][0]
+            if taken:
+                self._velocities.append((boot_us, sample.velocity_ned))
+        if not taken:
+            self.refused[_INPUT[type(sample)], "out_of_order"] += 1
+
+    def _ready(self) -> list[ReadyFrame]:
+        ready = []
+        while self._waiting:
+            head = self._waiting[0]
+            newest_us = self._attitudes.newest_us
+            if self._telemetry and not (
+                newest_us is not None and self.clock.settled and newest_us >= self._boot_us(head)
+            ):
+                # A frame that jumped with the clock waits at most as long as it takes to see that.
+                waited_us = abs(self.now_us - head.steady_us)
+                if waited_us <= self._s.attitude_wait_s * 1e6:
+                    break
+            ready.append(self._leave(self._waiting.popleft(), "attitude_late"))
+        return ready
+
+    def _boot_us(self, waiting: _Waiting) -> int:
+        return self.clock.boot_us(waiting.steady_us - self._offset_us)
+
+    def _leave(self, waiting: _Waiting, reason: str) -> ReadyFrame:
+        attitude: BodyAttitude | str = "no_telemetry"
+        boot_us = velocity = None
+        if self._telemetry:
+            attitude = "no_attitude" if self._attitudes.newest_us is None else "clock_unsettled"
+            if self.clock.settled:
+                boot_us = self._boot_us(waiting)
+                attitude = self._attitudes.at(boot_us, self.clock.std_s)
+                velocity = self._velocity_at(boot_us)
+            if attitude == "attitude_not_yet":
+                attitude = reason
+        return ReadyFrame(waiting.frame, waiting.exposure_us, waiting.time_us, boot_us, attitude, velocity)
+
+    def _velocity_at(self, boot_us: int) -> NDArray[np.float64] | None:
+        """Velocity (3,) NED: interpolated, or the nearest one that is young enough, or None."""
+        max_age_us = self._s.velocity_max_age_s * 1e6
+        later: tuple[int, tuple[float, float, float]] | None = None
+        for at_us, velocity in reversed(self._velocities):
+            if at_us > boot_us:
+                later = (at_us, velocity)
+                continue
+            young = boot_us - at_us <= max_age_us
+            if later is not None and later[0] - at_us <= max_age_us:
+                share = (boot_us - at_us) / (later[0] - at_us)
+                return (1 - share) * np.array(velocity) + share * np.array(later[1])
+            if young:
+                return np.array(velocity)
+            break
+        if later is not None and later[0] - boot_us <= max_age_us:
+            return np.array(later[1])
+        return None
+
+
+_INPUT = {Attitude: "attitude", AngularRate: "gyro", Velocity: "velocity"}
