@@ -97,6 +97,14 @@ class Core:
         self._tick(out)
         return out
 
+    def tick(self, now_us: int) -> list[Output]:
+        """Time passed without a sample, as happens live: frames that waited long enough go on, silence is told."""
+        out: list[Output] = []
+        for frame in self._sync.tick(now_us):
+            self._process(frame, out)
+        self._tick(out)
+        return out
+
     def finish(self) -> list[Output]:
         """End of the input: frames still waiting are processed, the last state is told."""
         out: list[Output] = []

@@ -90,6 +90,11 @@ class Synchroniser:
             ready += self._ready()
         return ready, notices
 
+    def tick(self, now_us: int) -> list[ReadyFrame]:
+        """The companion's time went on to ``now_us`` without a sample."""
+        self._advance(now_us - self.clock.shift_us)
+        return self._ready()
+
     def flush(self, reason: str) -> list[ReadyFrame]:
         """All frames still waiting; those without an attitude behind them leave for ``reason``."""
         ready = []
