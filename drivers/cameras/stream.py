@@ -3,6 +3,7 @@
 import os
 
 import cv2
+from cv2.utils import logging as cv2_logging
 
 from drivers.cameras.grey import grey_of
 from drivers.cameras.interface import CameraFormat, Grab, ReaderLimits
@@ -39,6 +40,9 @@ class StreamGrabber:
 
     def open(self) -> None:
         """Connect; raises DriverError when nothing answers in time or no video is in it."""
+        # FFmpeg tells every failed attempt on stderr; here they come as events and in the status.
+        os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+        cv2_logging.setLogLevel(cv2_logging.LOG_LEVEL_ERROR)
         os.environ.setdefault(OPTIONS_VARIABLE, ffmpeg_options(self._wanted.transport))
         timeouts = [
             cv2.CAP_PROP_OPEN_TIMEOUT_MSEC,
