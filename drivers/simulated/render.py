@@ -282,7 +282,8 @@ class Renderer:
             c = list(coefficients[only])
             material = self._material[only]
             gain = np.float32(self._gain[only])
-        z: Image = np.float32(1) / np.maximum(c[0] * x + c[1] * y + c[2], np.float32(1e-6))
+        z = np.maximum(c[0] * x + c[1] * y + c[2], np.float32(1e-6))
+        np.reciprocal(z, out=z)
         u: Image = (c[3] * x + c[4] * y + c[5]) * z
         v: Image = (c[6] * x + c[7] * y + c[8]) * z
         # Derivatives of (u, v) by (x, y), times a sample's width: the footprint in repetitions of the texture.
