@@ -21,7 +21,9 @@ EVENTS = {
 """Name -> (severity, meaning). The command's follow-up adds landing_accepted, landing_started and so on."""
 
 
-def event(name: str, frame: int | None, time_unix_us: int, text: str = "", **details: Any) -> Event:
+def event(
+    name: str, frame: int | None, time_unix_us: int, text: str = "", details: dict[str, Any] | None = None
+) -> Event:
     """An event of the table; ``text`` defaults to its meaning."""
     severity, meaning = EVENTS[name]
     return Event(
@@ -30,5 +32,5 @@ def event(name: str, frame: int | None, time_unix_us: int, text: str = "", **det
         time_unix_us=time_unix_us,
         severity=severity,
         text=text or meaning,
-        details=details,
+        details=details or {},
     )

@@ -1,6 +1,6 @@
 """Frames and telemetry brought together: each frame leaves with the attitude at the middle of its exposure."""
 
-from collections import Counter, deque
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,7 +61,7 @@ class Synchroniser:
 
     def __init__(self, settings: Settings, telemetry: bool) -> None:
         self._s = settings.sync
-        self._offset_us = round(settings.camera.time_offset_s * 1e6)
+        self.offset_us = round(settings.camera.time_offset_s * 1e6)
         self._telemetry = telemetry
         self.clock = AutopilotClock(settings.sync)
         self.frame_time = FrameTimeline(round(settings.sync.jump_min_s * 1e6))
@@ -70,8 +70,7 @@ class Synchroniser:
         self._waiting: deque[_Waiting] = deque()
         self._settled = False
         self.now_us = 0
-        self.refused: Counter[tuple[str, str]] = Counter()
-        """(input, reason) of samples that this refused; the reader empties it."""
+        self._refused: list[tuple[str, str]] = []
 
     def feed(self, sample: Sample) -> tuple[list[ReadyFrame], list[Notice]]:
         """Take one sample."""
@@ -102,6 +101,11 @@ class Synchroniser:
             ready.append(self._leave(self._waiting.popleft(), reason))
         return ready
 
+    def refusals(self) -> list[tuple[str, str]]:
+        """(input, reason) of the samples refused here since the last call."""
+        refused, self._refused = self._refused, []
+        return refused
+
     def raw_us(self) -> int:
         """The newest moment on the companion's clock as it is stamped."""
         return self.now_us + self.frame_time.shift_us
@@ -112,12 +116,12 @@ class Synchroniser:
     def _take_frame(self, frame: Frame, notices: list[Notice]) -> None:
         times = self.frame_time.feed(frame.stamp_us)
         if isinstance(times, str):
-            self.refused["frames", times] += 1
+            self._refused.append(("frames", times))
             return
         if times.jump_us:
             notices.append(Notice("frames_jumped", {"jump_s": round(times.jump_us * 1e-6, 6)}))
         self._advance(frame.arrival_us - self.frame_time.shift_us)
-        exposure_us = frame.stamp_us - self._offset_us
+        exposure_us = frame.stamp_us - self.offset_us
         self._waiting.append(_Waiting(frame, times.steady_us, exposure_us, times.time_us))
 
     def _take_telemetry(
@@ -146,7 +150,7 @@ class Synchroniser:
         if arrival.boot_us is not None:
             self._keep(sample, arrival.boot_us)
         else:
-            self.refused[_INPUT[type(sample)], "boot_time_fell"] += 1
+            self._refused.append((_INPUT[type(sample)], "boot_time_fell"))
 
     def _keep(self, sample: TelemetrySample, boot_us: int) -> None:
         if isinstance(sample, Attitude):
@@ -158,7 +162,7 @@ class Synchroniser:
             if taken:
                 self._velocities.append((boot_us, sample.velocity_ned))
         if not taken:
-            self.refused[_INPUT[type(sample)], "out_of_order"] += 1
+            self._refused.append((_INPUT[type(sample)], "out_of_order"))
 
     def _ready(self) -> list[ReadyFrame]:
         ready = []
@@ -176,7 +180,7 @@ class Synchroniser:
         return ready
 
     def _boot_us(self, waiting: _Waiting) -> int:
-        return self.clock.boot_us(waiting.steady_us - self._offset_us)
+        return self.clock.boot_us(waiting.steady_us - self.offset_us)
 
     def _leave(self, waiting: _Waiting, reason: str) -> ReadyFrame:
         attitude: BodyAttitude | str = "no_telemetry"

@@ -75,7 +75,7 @@ class VideoFile:
             constant_rate = constant_rate and abs(index - round(index)) < INDEX_TOLERANCE
             if constant_rate and round(index) > counted + lost:
                 lost = round(index) - counted
-            yield counted + lost, image
+            yield counted + lost, np.asarray(image, np.uint8)
             counted += 1
         capture.release()
 
@@ -156,7 +156,8 @@ def open_pictures(path: Path) -> VideoFile | ImageFolder:
 
 
 def _read_grey(file: Path) -> Image | None:
-    return cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
+    image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
+    return None if image is None else np.asarray(image, np.uint8)
 
 
 def _natural(name: str) -> tuple[tuple[int, int, str], ...]:
