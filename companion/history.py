@@ -1,6 +1,5 @@
 """All that a flight gave, kept for the summary and the plot."""
 
-from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,13 +10,12 @@ from companion.messages import Decision, Estimate, Event, Health, Message
 
 @dataclass(slots=True)
 class History:
-    """The messages of one flight in order; ``refused`` counts refused inputs by source and reason."""
+    """The messages of one flight in order; of the health only the newest."""
 
     estimates: list[Estimate] = field(default_factory=list)
     decisions: list[Decision] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
     health: Health | None = None
-    refused: Counter[tuple[str, str]] = field(default_factory=Counter)
 
     def add(self, message: Message) -> None:
         """Keep one message."""

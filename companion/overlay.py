@@ -189,21 +189,21 @@ def _draw_side_view(picture: Image, estimate: SurfaceEstimate, colour: Colour) -
     if not math.isfinite(estimate.inclination_deg):
         return
     height, width = picture.shape[:2]
-    unit = height // 8
-    x0, y0 = width - 3 * unit, height - unit // 2 - height // 12
-    x1 = x0 + int(2.6 * unit)
+    unit = height // 12
+    base = int(2.8 * unit)
+    x0, y0 = width - base - unit // 2, height - height // 12 - unit // 2
     angle = math.radians(min(estimate.inclination_deg, 75.0))
-    length = 2.6 * unit * min(1.0, 0.75 / max(math.tan(angle), 1e-6))
+    length = base * min(1.0, 0.7 / max(math.tan(angle), 1e-6))
     tip = (int(x0 + length), int(y0 - length * math.tan(angle)))
     panel = picture.copy()
     cv2.rectangle(
-        panel, (x0 - unit // 3, y0 - int(2.4 * unit)), (width - 1, y0 + unit // 3), (25, 25, 25), -1
+        panel, (x0 - unit // 2, y0 - int(3.0 * unit)), (width - 1, y0 + unit // 2), (25, 25, 25), -1
     )
-    cv2.addWeighted(panel, 0.55, picture, 0.45, 0, dst=picture)
+    cv2.addWeighted(panel, 0.7, picture, 0.3, 0, dst=picture)
     cv2.fillPoly(picture, [np.array(((x0, y0), (tip[0], y0), tip), np.int32)], colour, cv2.LINE_AA)
-    cv2.line(picture, (x0, y0), (x1, y0), WHITE, 2, cv2.LINE_AA)
+    cv2.line(picture, (x0, y0), (x0 + base, y0), WHITE, 2, cv2.LINE_AA)
     cv2.line(picture, (x0, y0), tip, tuple(min(255, c + 70) for c in colour), 4, cv2.LINE_AA)
-    _text(picture, f"{estimate.inclination_deg:.0f} deg", (x0, y0 - int(2.0 * unit)), 0.0015 * height, WHITE)
+    _text(picture, f"{estimate.inclination_deg:.0f}°", (x0, y0 - int(2.1 * unit)), 0.002 * height, WHITE)
 
 
 def _draw_banner(picture: Image, verdict: str, scene: Scene) -> None:
@@ -234,7 +234,7 @@ def _draw_figures(picture: Image, estimate: SurfaceEstimate, scene: Scene) -> No
     bar = height // 12
     cv2.rectangle(picture, (0, height - bar), (width, height), (25, 25, 25), -1)
     if estimate.status == "ok":
-        parts = [_figure("inclination", estimate.inclination_deg, 1, " deg", estimate.inclination_std_deg)]
+        parts = [_figure("inclination", estimate.inclination_deg, 1, "°", estimate.inclination_std_deg)]
         parts.append(_figure("roughness", estimate.roughness, 3, ""))
         if 0 < estimate.time_to_contact_s < 60:
             parts.append(_figure("contact in", estimate.time_to_contact_s, 1, " s"))
@@ -250,7 +250,7 @@ def _draw_figures(picture: Image, estimate: SurfaceEstimate, scene: Scene) -> No
 def _figure(name: str, value: float, digits: int, unit: str, std: float = math.nan) -> str:
     if not math.isfinite(value):
         return ""
-    spread = f" +-{std:.{digits}f}" if math.isfinite(std) else ""
+    spread = f" ± {std:.{digits}f}" if math.isfinite(std) else ""
     return f"{name} {value:.{digits}f}{spread}{unit}"
 
 

@@ -109,7 +109,7 @@ def _draw_slope(axis: "Axes", history: History, times: np.ndarray) -> None:
     )
     axis.set_ylim(-reach, reach)
     axis.set_ylabel("slope in the\ncamera frame (deg)")
-    axis.legend(loc="upper left", fontsize=8, ncols=2)
+    axis.legend(loc="best", fontsize=8, ncols=2)
 
 
 def _draw_contact(axis: "Axes", history: History, times: np.ndarray) -> None:
@@ -131,16 +131,22 @@ def _draw_flow(axis: "Axes", history: History, times: np.ndarray) -> None:
     ):
         axis.plot(times, history.series(name), color=colour, lw=1.0, label=label)
     axis.set_ylabel("ventral flow\n(1/s)")
-    axis.legend(loc="upper left", fontsize=8, ncols=2)
+    axis.legend(loc="best", fontsize=8, ncols=2)
 
 
 def _draw_roughness(axis: "Axes", history: History, times: np.ndarray, limits: DecisionOptions) -> None:
     value = history.series("roughness")
-    axis.plot(times, np.maximum(value, 1e-4), color="#5b4a3f", lw=1.0)
+    axis.plot(times, value, color="#5b4a3f", lw=1.0)
     axis.axhline(
         limits.max_roughness, color="#d1493f", ls="--", lw=1.2, label=f"limit, {limits.max_roughness:g}"
     )
-    axis.set_yscale("log")
+    # Linear up to the limit, where noise lives, and logarithmic above it.
+    axis.set_yscale("symlog", linthresh=limits.max_roughness, linscale=1.0)
+    known = value[np.isfinite(value)]
+    axis.set_ylim(0, max(2 * limits.max_roughness, 1.3 * float(known.max()) if known.size else 0.0))
+    ticks = [0.0, limits.max_roughness, 0.03, 0.1, 0.3]
+    axis.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+    axis.minorticks_off()
     axis.set_ylabel("roughness\n(relief / distance)")
     axis.legend(loc="upper left", fontsize=8)
 

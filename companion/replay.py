@@ -19,7 +19,7 @@ from companion.replay_output import Outputs, write_event, write_message
 from companion.replay_source import PlainCamera, ReplaySource, open_source
 from companion.summary import summary
 from drivers.errors import DriverError
-from drivers.samples import Frame, Refusal, Sample
+from drivers.samples import Frame, Sample
 
 PROGRESS_EVERY_FRAMES = 10
 FOLLOW_POLL_S = 0.05
@@ -127,8 +127,6 @@ class _Run:
     _drawing_s = 0.0
 
     def _one(self, sample: Sample) -> None:
-        if isinstance(sample, Refusal):
-            self.history.refused[sample.source, sample.reason] += 1
         if isinstance(sample, Frame):
             self._frames += 1
             self._first_us = self._first_us or sample.arrival_us
@@ -155,6 +153,8 @@ class _Run:
                     self._autopilot.request(output)
             elif not isinstance(output, Processed):
                 self._message(output)
+            elif self._publisher:
+                self._publisher.picture(output.frame, output.estimate)
         if self._video:
             started = time.perf_counter()
             for output in outputs:

@@ -1,5 +1,6 @@
 """What happened in a flight, in words that a pilot understands."""
 
+import math
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,8 +12,14 @@ from landing.options import DecisionOptions
 
 LEVEL_DEG = 3.0
 BIN_S = 0.5
-SAME_SLOPE_DEG = 6.0
+SAME_DEG = 4.0
+UNKNOWN_DISTANCE_DEG = 15.0
+BRIEF_BINS = 4
+PARTLY = (0.2, 0.7)
+"""Shares of the frames: fewer rough ones make an even surface, more an uneven one."""
 KNOWN_SHARE = 0.3
+TROUBLE_SHOWN = 8
+REFUSED = "refused "
 LABEL_WIDTH = 11
 
 
@@ -22,48 +29,52 @@ class Stretch:
 
     start_s: float
     end_s: float
-    kind: str
-    rough: bool
-    inclination_deg: float
+    surface: str
     low_deg: float
     high_deg: float
 
     def __str__(self) -> str:
-        if self.kind == "unknown":
-            return "not known"
-        surface = {
-            "level": "level",
-            "gentle": f"gentle slope of {self.inclination_deg:.0f} degrees",
-            "slope": f"slope of {self.inclination_deg:.0f} degrees",
-        }[self.kind]
-        spread = f"{self.low_deg:.0f} to {self.high_deg:.0f} degrees measured"
-        return f"{surface}, {'uneven' if self.rough else 'even'} ({spread})"
+        spread = (
+            f" ({self.low_deg:.0f} to {self.high_deg:.0f} degrees)" if math.isfinite(self.low_deg) else ""
+        )
+        return f"{self.start_s:5.1f} to {self.end_s:5.1f} s  {self.surface}{spread}"
+
+
+@dataclass(slots=True)
+class _Run:
+    """Bins in a row; ``members`` are indices of their estimates, the inclination NaN where unknown."""
+
+    bins: int
+    members: list[int]
+    inclination_deg: float
+
+    def distance_deg(self, other: "_Run") -> float:
+        both = math.isnan(self.inclination_deg), math.isnan(other.inclination_deg)
+        if any(both):
+            return 0.0 if all(both) else UNKNOWN_DISTANCE_DEG
+        return abs(self.inclination_deg - other.inclination_deg)
 
 
 def stretches(history: History, limits: DecisionOptions) -> list[Stretch]:
-    """The flight cut into stretches of like surface, from the estimates in bins of half a second."""
+    """The flight cut into stretches of like inclination, from the estimates in bins of half a second."""
     times, inclination = history.times_s(), history.series("inclination_deg")
     if np.all(np.isnan(inclination)):
         inclination = np.hypot(history.series("slope_x_deg"), history.series("slope_y_deg"))
-    roughness = history.series("roughness")
-    if not times.size:
-        return []
-    bins = np.floor(times / BIN_S).astype(int)
-    runs: list[tuple[str, bool, list[int]]] = []
-    for number in range(bins[-1] + 1):
-        members = np.flatnonzero(bins == number)
-        kind, rough = _describe(inclination[members], roughness[members], limits)
-        if runs and _same(runs[-1], kind, rough, inclination, members):
-            runs[-1][2].extend(members.tolist())
-        else:
-            runs.append((kind, rough, members.tolist()))
-    frame_s = history.duration_s / times.size
+    numbers = np.floor(times / BIN_S).astype(int)
+    bins = []
+    for number in np.unique(numbers):
+        members = np.flatnonzero(numbers == number).tolist()
+        bins.append(_Run(1, members, _middle(inclination[members])))
+    frame_s = history.duration_s / max(times.size, 1)
+    rough = history.series("roughness") > limits.max_roughness
     found = []
-    for kind, rough, indices in _absorb_short(runs):
-        known = inclination[indices][np.isfinite(inclination[indices])]
-        low, middle, high = np.percentile(known, (10, 50, 90)) if known.size else (np.nan,) * 3
-        start, end = times[indices[0]], times[indices[-1]] + frame_s
-        found.append(Stretch(float(start), float(end), kind, rough, float(middle), float(low), float(high)))
+    for run in _without_brief(_joined(bins, inclination), inclination):
+        known = inclination[run.members]
+        known = known[np.isfinite(known)]
+        low, high = np.percentile(known, (10, 90)) if math.isfinite(run.inclination_deg) else (np.nan, np.nan)
+        surface = _words(run.inclination_deg, float(rough[run.members].mean()), limits)
+        start_s, end_s = float(times[run.members[0]]), float(times[run.members[-1]] + frame_s)
+        found.append(Stretch(start_s, end_s, surface, float(low), float(high)))
     return found
 
 
@@ -87,10 +98,10 @@ def _body(history: History, limits: DecisionOptions) -> Iterator[str]:
         yield from _labelled("caution", ["uncalibrated camera: slopes are only roughly right"])
     if all(e.inclination_deg is None for e in estimates):
         yield from _labelled("caution", ["no attitude: slopes are relative to the camera, not to gravity"])
-    below = [f"{s.start_s:5.1f} to {s.end_s:5.1f} s  {s}" for s in stretches(history, limits)]
-    yield from _labelled("below", below)
+    yield from _labelled("below", [str(stretch) for stretch in stretches(history, limits)])
     yield from _labelled("fit", [_fit(history)])
     yield from _labelled("landing", list(_landing(history)))
+    yield from _labelled("trouble", list(_trouble(history)))
     yield from _refusals(history)
 
 
@@ -111,8 +122,8 @@ def _share(history: History) -> str:
 def _fit(history: History) -> str:
     first = next((d for d in history.decisions if d.verdict == "fit"), None)
     if first is None:
-        against = Counter(reason for e in history.estimates for reason in e.against_flat)
-        why = f"; mostly: {against.most_common(1)[0][0]}" if against else ""
+        against = Counter(reason.partition(":")[0] for e in history.estimates for reason in e.against_flat)
+        why = f"; most often: {against.most_common(1)[0][0]}" if against else ""
         return f"never fit for landing{why}"
     share = sum(verdict == "fit" for verdict in history.verdicts()) / len(history.estimates)
     when = history.seconds(first.time_unix_us)
@@ -139,47 +150,70 @@ def _landing(history: History) -> Iterator[str]:
 
 
 def _refusals(history: History) -> Iterator[str]:
+    counters = history.health.counters if history.health else {}
     lines = [
-        f"{n} of {source}: {reason.replace('_', ' ')}"
-        for (source, reason), n in history.refused.most_common()
+        f"{count} of {name.removeprefix(REFUSED).replace('_', ' ')}"
+        for name, count in sorted(counters.items())
+        if name.startswith(REFUSED)
     ]
     yield from _labelled("refused", lines)
 
 
-def _describe(inclination: np.ndarray, roughness: np.ndarray, limits: DecisionOptions) -> tuple[str, bool]:
+def _trouble(history: History) -> Iterator[str]:
+    told = [e for e in history.events if e.severity != "info" and not e.event.startswith("landing_")]
+    for event in told[:TROUBLE_SHOWN]:
+        yield f"{history.seconds(event.time_unix_us):5.1f} s  {event.text}"
+    if len(told) > TROUBLE_SHOWN:
+        yield f"and {len(told) - TROUBLE_SHOWN} more: --events FILE.jsonl has all of them"
+
+
+def _middle(inclination: np.ndarray) -> float:
     known = inclination[np.isfinite(inclination)]
-    if not inclination.size or known.size < KNOWN_SHARE * inclination.size:
-        return "unknown", False
-    rough = roughness[np.isfinite(roughness)]
-    middle = float(np.median(known))
-    kind = "level" if middle < LEVEL_DEG else "gentle" if middle <= limits.max_inclination_deg else "slope"
-    return kind, bool(rough.size and np.median(rough) > limits.max_roughness)
+    return float(np.median(known)) if known.size > KNOWN_SHARE * inclination.size else math.nan
 
 
-def _same(
-    run: tuple[str, bool, list[int]], kind: str, rough: bool, inclination: np.ndarray, members: np.ndarray
-) -> bool:
-    if not members.size:
-        return True
-    if (run[0], run[1]) != (kind, rough):
-        return False
-    if kind != "slope":
-        return True
-    return bool(abs(np.nanmedian(inclination[run[2]]) - np.nanmedian(inclination[members])) <= SAME_SLOPE_DEG)
+def _words(inclination_deg: float, rough_share: float, limits: DecisionOptions) -> str:
+    if math.isnan(inclination_deg):
+        return "not known"
+    if inclination_deg < LEVEL_DEG:
+        surface = "level"
+    else:
+        surface = f"slope of {inclination_deg:.0f} degrees"
+        if inclination_deg > limits.max_inclination_deg:
+            surface += ", too steep to land"
+    few, most = PARTLY
+    return surface + (
+        ", uneven" if rough_share > most else ", partly uneven" if rough_share > few else ", even"
+    )
 
 
-def _absorb_short(runs: list[tuple[str, bool, list[int]]]) -> list[tuple[str, bool, list[int]]]:
-    """A stretch of one bin between two of the same kind is noise, not a surface."""
-    merged: list[tuple[str, bool, list[int]]] = []
-    longest = max(len(run[2]) for run in runs)
-    for at, (kind, rough, members) in enumerate(runs):
-        after = runs[at + 1] if at + 1 < len(runs) else None
-        before = merged[-1] if merged else None
-        brief = len(members) * 8 < longest or len(members) <= 20
-        if brief and before and after and before[:2] == after[:2]:
-            kind, rough = before[:2]
-        if before and before[:2] == (kind, rough):
-            before[2].extend(members)
+def _joined(bins: list[_Run], inclination: np.ndarray) -> list[_Run]:
+    """Neighbours of like inclination become one."""
+    joined: list[_Run] = []
+    for run in bins:
+        if joined and joined[-1].distance_deg(run) <= SAME_DEG:
+            joined[-1] = _union(joined[-1], run, inclination)
         else:
-            merged.append((kind, rough, list(members)))
-    return merged
+            joined.append(run)
+    return joined
+
+
+def _without_brief(runs: list[_Run], inclination: np.ndarray) -> list[_Run]:
+    """What lasts only a moment, such as the way over an edge, goes to the neighbour that it is most like."""
+    runs = list(runs)
+    while len(runs) > 1:
+        at = min(range(len(runs)), key=lambda i: runs[i].bins)
+        if runs[at].bins >= BRIEF_BINS:
+            break
+        neighbours = [i for i in (at - 1, at + 1) if 0 <= i < len(runs)]
+        to = min(neighbours, key=lambda i: runs[i].distance_deg(runs[at]))
+        first, last = min(at, to), max(at, to)
+        kept = runs[to].inclination_deg
+        runs[first : last + 1] = [_union(runs[first], runs[last], inclination)]
+        runs[first].inclination_deg = kept
+    return _joined(runs, inclination)
+
+
+def _union(first: _Run, second: _Run, inclination: np.ndarray) -> _Run:
+    members = first.members + second.members
+    return _Run(first.bins + second.bins, members, _middle(inclination[members]))
