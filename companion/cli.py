@@ -9,6 +9,7 @@ from drivers.errors import DriverError
 from landing.errors import LandingError
 
 COMMANDS = {
+    "run": ("companion.run_command", "the daemon: live camera and autopilot in, estimates and landings out"),
     "replay": (
         "companion.replay_command",
         "run recorded flights, videos or image folders through the pipeline",

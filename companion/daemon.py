@@ -1,0 +1,194 @@
+"""The daemon: live camera and autopilot in, estimates, decisions and the landing command out."""
+
+import logging
+import signal
+import threading
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+
+from companion.commander import LONGEST_COMMAND_S, Commander
+from companion.core import LandRequest, Output, Processed
+from companion.errors import LandslopeError
+from companion.inbox import Inbox
+from companion.landing_watch import LandingWatch
+from companion.link_options import link_options
+from companion.live_pipeline import LivePipeline
+from companion.messages import Estimate, Health, Message
+from companion.preview import PreviewPublisher
+from companion.publisher import Publisher
+from companion.reporting import GroundReport
+from companion.settings import Settings
+from drivers.cameras import Camera, CameraFormat, ReaderLimits, open_camera
+from drivers.cameras.interface import Notify
+from drivers.host_clock import now_us
+from drivers.link import Link
+from drivers.samples import AngularRate, Sample
+from drivers.service_manager import ServiceManager
+from drivers.single_instance import SingleInstance
+
+log = logging.getLogger(__name__)
+
+TICK_S = 0.1
+"""How long the loop waits for something to happen; silence is noticed that often."""
+
+OpenCamera = Callable[[Notify], Camera]
+
+
+class Daemon:
+    """Wires camera, link, core, bus, ground report and commander, and runs until ``stop``.
+
+    ``camera`` opens another camera than ``camera.source`` says. Everything that the outside may break is reopened
+    by its driver; what is wrong in the settings raises an error of the packages at once.
+    """
+
+    def __init__(self, settings: Settings, camera: OpenCamera | None = None) -> None:
+        self.settings = settings
+        self._stop = threading.Event()
+        self._inbox = Inbox()
+        with ExitStack() as stack:
+            stack.enter_context(SingleInstance(settings.vehicle.name))
+            self.service = ServiceManager()
+            stack.callback(self.service.close)
+            self._link = (
+                Link(link_options(settings), self._inbox.put, self._inbox.tell) if _linked(settings) else None
+            )
+            self.pipeline = LivePipeline(settings, self._output, self._may_enable, self.counters)
+            self._report = GroundReport(settings.mavlink, self.pipeline.body_from_camera)
+            self._watch = LandingWatch(settings.landing)
+            self._publisher = stack.enter_context(Publisher(settings, retry=True))
+            self._preview = PreviewPublisher(self._publisher.bus, settings.preview)
+            stack.callback(self._preview.close)
+            self._camera = (camera or _camera_of(settings))(self._inbox.wake)
+            stack.callback(self._camera.close)
+            self._commander = None
+            if self._link is not None:
+                self._link.may_beat = self._alive
+                self._commander = Commander(self._link, self._inbox.put)
+                self._link.start()
+                stack.callback(self._link.close)
+                self._commander.start()
+                stack.callback(self._commander.close)
+            self._stack = stack.pop_all()
+
+    def run(self) -> None:
+        """Work until ``stop``; a command under way gets its answer first."""
+        self.service.ready()
+        log.info("landslope runs for vehicle %s", self.settings.vehicle.name)
+        with self._stack:
+            while not self._stop.is_set():
+                self._turn()
+            self.service.stopping()
+            self._let_command_end()
+            self.pipeline.finish()
+
+    def stop(self) -> None:
+        """End soon; from any thread or signal handler."""
+        self._stop.set()
+        self._inbox.wake()
+
+    def counters(self) -> dict[str, int]:
+        """What every part counted, for the health that is told."""
+        status = self._camera.status()
+        counted = {
+            "camera grabbed": status.grabbed,
+            "camera delivered": status.delivered,
+            "camera skipped": status.skipped,
+            "camera waiting": status.waiting,
+            "camera reopened": status.reopened,
+            "inbox dropped": self._inbox.dropped,
+            "zenoh unsent": self._publisher.bus.unsent,
+        }
+        counted |= {f"camera refused: {reason}": count for reason, count in status.refused.items()}
+        if self._link is not None:
+            counted |= {f"link {name}": count for name, count in sorted(self._link.counters.items())}
+        return counted
+
+    def _turn(self) -> None:
+        """One round: what came is fed in order of arrival; the watchdog is fed when all of it went through."""
+        samples, events = self._inbox.take(TICK_S)
+        for event in (*events, *self._camera.events()):
+            self.pipeline.tell(event)
+        samples += self._camera.take()
+        if samples:
+            samples.sort(key=_arrival)
+            self._feed_gyro(samples)
+            self.pipeline.feed(samples)
+        else:
+            self.pipeline.tick(now_us())
+        self.service.alive()
+
+    def _feed_gyro(self, samples: list[Sample]) -> None:
+        if self.settings.mavlink.optical_flow:
+            for sample in samples:
+                if isinstance(sample, AngularRate):
+                    self._report.gyro(sample)
+
+    def _output(self, output: Output) -> None:
+        if isinstance(output, LandRequest):
+            self._request(output)
+        elif isinstance(output, Processed):
+            self._preview.put(output.frame, output.estimate, self._estimate_us)
+        else:
+            self._message(output)
+
+    _estimate_us = 0
+
+    def _request(self, request: LandRequest) -> None:
+        if self._commander is not None and not self._stop.is_set():
+            self._commander.request(request)
+
+    def _message(self, message: Message) -> None:
+        if isinstance(message, Estimate):
+            self._estimate_us = message.time_unix_us
+        elif isinstance(message, Health):
+            self.service.status("; ".join(message.problems) or "all well")
+        self._publisher.publish(message)
+        if self._link is not None:
+            for outgoing in self._report.feed(message):
+                self._link.send(outgoing)
+        watched = self._watch.feed(message)
+        if watched is not None:
+            self._message(watched.event)
+            if watched.hold and self._commander is not None:
+                self._commander.hold()
+
+    def _alive(self) -> bool:
+        """Whether our heartbeats may go out: the pipeline made an estimate lately."""
+        return time.monotonic() - self.pipeline.estimated_at < self.settings.mavlink.heartbeat_max_age_s
+
+    def _may_enable(self) -> bool:
+        return self._link is None or not self._link.ambiguous
+
+    def _let_command_end(self) -> None:
+        if self._commander is None or not self._commander.busy:
+            return
+        log.info("a command is under way; waiting for its answer")
+        self.service.more_time(LONGEST_COMMAND_S)
+        deadline = time.monotonic() + LONGEST_COMMAND_S
+        while self._commander.busy and time.monotonic() < deadline:
+            self._turn()
+        self._turn()
+
+
+def stop_on_signals(daemon: Daemon) -> None:
+    """SIGTERM and SIGINT end the daemon in good order."""
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: daemon.stop())
+
+
+def _linked(settings: Settings) -> bool:
+    return bool(settings.mavlink.connection)
+
+
+def _camera_of(settings: Settings) -> OpenCamera:
+    c = settings.camera
+    if not c.source:
+        raise LandslopeError('camera.source is not set: name a camera, as "/dev/video0" or "picamera"')
+    wanted = CameraFormat(c.width, c.height, c.rate_hz, c.exposure_us, c.gain, c.pixel_format, c.transport)
+    limits = ReaderLimits(open_timeout_s=c.open_timeout_s, read_timeout_s=c.read_timeout_s)
+    return lambda notify: open_camera(c.source, wanted, limits, notify)
+
+
+def _arrival(sample: Sample) -> int:
+    return sample.arrival_us
