@@ -1,0 +1,84 @@
+"""What systemd is told: ready, status, alive, stopping (the sd_notify protocol, a datagram each)."""
+
+import os
+import socket
+import time
+from collections.abc import Mapping
+
+PINGS_PER_INTERVAL = 3
+"""Watchdog messages sent within one watchdog interval, at most."""
+
+MAX_STATUS = 200
+"""Characters of a status text."""
+
+
+class ServiceManager:
+    """Speaks to the socket in NOTIFY_SOCKET; does nothing when no service manager is there.
+
+    ``alive`` is to be called by whatever must not hang, each time it has got something done; it sends seldom enough
+    to be called with every frame. A socket that is full or gone costs a message, never an exception.
+    """
+
+    def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
+        self._address = environment.get("NOTIFY_SOCKET", "")
+        self._socket: socket.socket | None = None
+        if self._address[:1] in ("/", "@"):
+            self._address = self._address.replace("@", "\0", 1) if self._address[0] == "@" else self._address
+            self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC)
+            self._socket.setblocking(False)
+        self.watchdog_s = _watchdog_s(environment) if self._socket else 0.0
+        self._next_ping = 0.0
+        self._status = ""
+
+    @property
+    def present(self) -> bool:
+        """Whether a service manager listens."""
+        return self._socket is not None
+
+    def ready(self) -> None:
+        """The service is up."""
+        self._send("READY=1")
+
+    def status(self, text: str) -> None:
+        """One line for 'systemctl status'; the same one again is not sent."""
+        line = " ".join(text.split())[:MAX_STATUS]
+        if line != self._status:
+            self._status = line
+            self._send(f"STATUS={line}")
+
+    def alive(self) -> None:
+        """The work goes on: feeds the watchdog, when there is one."""
+        now = time.monotonic()
+        if self.watchdog_s and now >= self._next_ping:
+            self._next_ping = now + self.watchdog_s / PINGS_PER_INTERVAL
+            self._send("WATCHDOG=1")
+
+    def stopping(self) -> None:
+        """The service is on its way down."""
+        self._send("STOPPING=1")
+
+    def more_time(self, seconds: float) -> None:
+        """Starting or stopping takes this much longer from now."""
+        self._send(f"EXTEND_TIMEOUT_USEC={round(seconds * 1e6)}")
+
+    def close(self) -> None:
+        """Let the socket go."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+    def _send(self, message: str) -> None:
+        if self._socket is None:
+            return
+        try:
+            self._socket.sendto(message.encode(), self._address)
+        except OSError:
+            return
+
+
+def _watchdog_s(environment: Mapping[str, str]) -> float:
+    """The watchdog's interval in seconds; 0: there is none, or it watches another process."""
+    microseconds, pid = environment.get("WATCHDOG_USEC", ""), environment.get("WATCHDOG_PID", "")
+    if not microseconds.isdecimal() or (pid and pid != str(os.getpid())):
+        return 0.0
+    return int(microseconds) * 1e-6
