@@ -14,6 +14,7 @@ from companion.history import History
 from companion.messages import Decision, Message, topic_of
 from companion.overlay import OverlayWriter
 from companion.plot import plot
+from companion.preview import PreviewPublisher
 from companion.publisher import Publisher
 from companion.replay_output import Outputs, write_event, write_message
 from companion.replay_source import PlainCamera, ReplaySource, open_source
@@ -102,6 +103,10 @@ class _Run:
         if self._video:
             stack.callback(self._video.close)
         self._publisher = stack.enter_context(Publisher(source.settings)) if job.publish else None
+        self._preview = None
+        if self._publisher:
+            self._preview = PreviewPublisher(self._publisher.bus, source.settings.preview)
+            stack.callback(self._preview.close)
         self._autopilot = _connected(job, source, stack)
 
     def all(self) -> DriverError | None:
@@ -153,8 +158,8 @@ class _Run:
                     self._autopilot.request(output)
             elif not isinstance(output, Processed):
                 self._message(output)
-            elif self._publisher:
-                self._publisher.picture(output.frame, output.estimate)
+            elif self._preview:
+                self._preview.put(output.frame, output.estimate, self.history.estimates[-1].time_unix_us)
         if self._video:
             started = time.perf_counter()
             for output in outputs:
