@@ -1,0 +1,1 @@
+"""The live page: what vehicles say, kept bounded, drawn for people."""

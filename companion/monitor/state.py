@@ -1,0 +1,164 @@
+"""What each vehicle said last, in bounded memory. Knows neither zenoh nor the page; time is passed in."""
+
+import threading
+from collections import Counter, deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import msgspec
+
+from companion.messages import Decision, Estimate, Event, Health
+from companion.monitor.options import MonitorOptions
+from companion.preview import Preview
+from drivers.bus import Delivery
+
+RATE_WINDOW_S = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """One point of the charts; ``time_s`` on the monitor's own clock."""
+
+    time_s: float
+    estimate: Estimate
+
+
+@dataclass(slots=True)
+class Vehicle:
+    """One vehicle as the monitor knows it."""
+
+    name: str
+    alive: bool | None = None
+    """What liveliness says; None when it said nothing yet."""
+    heard_s: float | None = None
+    """When its last message came, on the monitor's clock."""
+    silent_since_s: float | None = None
+    estimate: Estimate | None = None
+    decision: Decision | None = None
+    health: Health | None = None
+    preview: Preview | None = None
+    picture: bytes = b""
+    events: deque[Event] = field(default_factory=deque)
+    points: deque[Point] = field(default_factory=deque)
+    received: Counter[str] = field(default_factory=Counter)
+    refused: int = 0
+    missed: int = 0
+    """Frames whose estimate never came, seen by the gaps in the frame numbers."""
+    rate_hz: float = 0.0
+    rate_count: int = 0
+    rate_since_s: float = 0.0
+
+
+class Watch:
+    """All vehicles. ``take`` may be called from another thread than the rest; ``lock`` guards the vehicles."""
+
+    def __init__(self, options: MonitorOptions) -> None:
+        self.options = options
+        self.lock = threading.Lock()
+        self.vehicles: dict[str, Vehicle] = {}
+        self.left_out = 0
+        """Deliveries of vehicles beyond the most that are kept."""
+        self.listeners: list[Callable[[str, object], None]] = []
+        """Called with (vehicle, message) for every message that was taken."""
+        self._decoders: dict[str, msgspec.json.Decoder] = {
+            "estimate": msgspec.json.Decoder(Estimate),
+            "decision": msgspec.json.Decoder(Decision),
+            "health": msgspec.json.Decoder(Health),
+            "event": msgspec.json.Decoder(Event),
+            "preview": msgspec.json.Decoder(Preview),
+        }
+
+    def take(self, delivery: Delivery, now_s: float) -> None:
+        """Take in one delivery; what cannot be understood is counted and passed over."""
+        with self.lock:
+            vehicle = self.vehicles.get(delivery.vehicle)
+            if vehicle is None:
+                vehicle = self._new_vehicle(delivery)
+                if vehicle is None:
+                    return
+            if delivery.alive is not None:
+                vehicle.alive = delivery.alive
+                return
+            message = self._decoded(delivery)
+            if message is None:
+                vehicle.refused += 1
+                return
+            self._store(vehicle, delivery, message, now_s)
+        for listener in self.listeners:
+            listener(delivery.vehicle, delivery if isinstance(message, Preview) else message)
+
+    def is_silent(self, vehicle: Vehicle, now_s: float) -> bool:
+        """Whether the vehicle's token fell, or nothing came from it for too long."""
+        if vehicle.alive is False:
+            return True
+        return vehicle.heard_s is not None and now_s - vehicle.heard_s > self.options.silent_after_s
+
+    def tick(self, now_s: float) -> None:
+        """Note who has fallen silent and who returned; to be called a few times a second."""
+        with self.lock:
+            for vehicle in self.vehicles.values():
+                if not self.is_silent(vehicle, now_s):
+                    vehicle.silent_since_s = None
+                elif vehicle.silent_since_s is None:
+                    vehicle.silent_since_s = now_s if vehicle.heard_s is None else vehicle.heard_s
+                if now_s - vehicle.rate_since_s >= RATE_WINDOW_S:
+                    vehicle.rate_hz = vehicle.rate_count / (now_s - vehicle.rate_since_s)
+                    vehicle.rate_count, vehicle.rate_since_s = 0, now_s
+
+    def forget(self, name: str) -> None:
+        """Drop a vehicle; it comes back when it speaks again."""
+        with self.lock:
+            self.vehicles.pop(name, None)
+
+    def _new_vehicle(self, delivery: Delivery) -> Vehicle | None:
+        if delivery.alive is False:
+            return None
+        if len(self.vehicles) >= self.options.max_vehicles:
+            self.left_out += 1
+            return None
+        options = self.options
+        vehicle = Vehicle(
+            delivery.vehicle,
+            events=deque(maxlen=options.max_events),
+            points=deque(maxlen=int(options.history_s * options.history_hz) + 1),
+        )
+        self.vehicles[vehicle.name] = vehicle
+        return vehicle
+
+    def _decoded(self, delivery: Delivery) -> Estimate | Decision | Health | Event | Preview | None:
+        decoder = self._decoders.get(delivery.topic)
+        raw = delivery.attachment if delivery.topic == "preview" else delivery.payload
+        if decoder is None or len(delivery.payload) + len(raw) > self.options.max_message_bytes:
+            return None
+        try:
+            found: Estimate | Decision | Health | Event | Preview = decoder.decode(raw)
+        except msgspec.MsgspecError:
+            return None
+        return found
+
+    def _store(
+        self,
+        vehicle: Vehicle,
+        delivery: Delivery,
+        message: Estimate | Decision | Health | Event | Preview,
+        now_s: float,
+    ) -> None:
+        vehicle.heard_s = now_s
+        vehicle.received[delivery.topic] += 1
+        match message:
+            case Estimate():
+                before = vehicle.estimate
+                if before is not None and message.frame > before.frame + 1:
+                    vehicle.missed += message.frame - before.frame - 1
+                vehicle.estimate = message
+                vehicle.rate_count += 1
+                if not vehicle.points or now_s - vehicle.points[-1].time_s >= 1 / self.options.history_hz:
+                    vehicle.points.append(Point(now_s, message))
+            case Decision():
+                vehicle.decision = message
+            case Health():
+                vehicle.health = message
+            case Event():
+                vehicle.events.append(message)
+            case Preview():
+                vehicle.preview, vehicle.picture = message, delivery.payload

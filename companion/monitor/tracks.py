@@ -1,0 +1,37 @@
+"""The tracks over the preview, as SVG: inliers, and outliers in another colour and shape."""
+
+import math
+
+from companion.preview import Preview
+
+INLIER, OUTLIER = "#00e05a", "#ff3b3b"
+LARGEST_PX = 100_000.0
+
+
+def tracks_svg(preview: Preview) -> str:
+    """SVG in the raw image's pixels; only finite numbers of the message go in, never its texts."""
+    stroke = max(1.0, preview.width / 320)
+    paths: dict[bool, list[str]] = {True: [], False: []}
+    dots: list[str] = []
+    for (x0, y0, x1, y1), inlier in zip(preview.tracks, preview.inlier, strict=False):
+        if not all(math.isfinite(v) and abs(v) < LARGEST_PX for v in (x0, y0, x1, y1)):
+            continue
+        paths[inlier].append(f"M{x0:.1f} {y0:.1f}L{x1:.1f} {y1:.1f}")
+        if inlier:
+            dots.append(f'<circle cx="{x1:.1f}" cy="{y1:.1f}" r="{1.6 * stroke:.1f}" fill="{INLIER}"/>')
+        else:
+            r = 2.2 * stroke
+            paths[False].append(
+                f"M{x1 - r:.1f} {y1 - r:.1f}l{2 * r:.1f} {2 * r:.1f}m0 {-2 * r:.1f}l{-2 * r:.1f} {2 * r:.1f}"
+            )
+    lines = "".join(
+        f'<path d="{"".join(paths[kind])}" stroke="{colour}" stroke-width="{stroke:.1f}" fill="none"/>'
+        for kind, colour in ((True, INLIER), (False, OUTLIER))
+    )
+    return lines + "".join(dots)
+
+
+def counts(preview: Preview) -> str:
+    """How many of each, in words."""
+    inliers = sum(preview.inlier)
+    return f"frame {preview.frame}: {inliers} inliers, {len(preview.inlier) - inliers} outliers"

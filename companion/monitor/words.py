@@ -1,0 +1,116 @@
+"""Numbers and states as the page shows them: unknown is a dash, never a zero."""
+
+from companion.messages import Decision, Estimate, Health, InputHealth
+
+DASH = "–"
+VERDICTS = {"fit": "FIT TO LAND", "unfit": "NOT FIT", "unknown": "UNKNOWN"}
+
+
+def number(value: float | None, digits: int, unit: str = "") -> str:
+    """The value with its unit, a dash where it is unknown."""
+    return DASH if value is None else f"{value:.{digits}f}{unit}"
+
+
+def with_spread(value: float | None, std: float | None, digits: int, unit: str) -> str:
+    """The value with one standard deviation."""
+    if value is None:
+        return DASH
+    return number(value, digits, unit) if std is None else f"{value:.{digits}f} ± {std:.{digits}f}{unit}"
+
+
+def figures(e: Estimate | None) -> dict[str, str]:
+    """The large numbers by field name."""
+    if e is None:
+        return dict.fromkeys(
+            (
+                "inclination_deg",
+                "time_to_contact_s",
+                "ventral_flow",
+                "roughness",
+                "slopes",
+                "downhill_bearing_deg",
+            ),
+            DASH,
+        )
+    flow = (
+        DASH
+        if e.ventral_flow_x is None or e.ventral_flow_y is None
+        else f"{e.ventral_flow_x:+.2f}, {e.ventral_flow_y:+.2f} /s"
+    )
+    pitch, roll = number(e.surface_pitch_deg, 1, "°"), number(e.surface_roll_deg, 1, "°")
+    return {
+        "inclination_deg": with_spread(e.inclination_deg, e.inclination_std_deg, 1, "°"),
+        "time_to_contact_s": number(e.time_to_contact_s, 1, " s"),
+        "ventral_flow": flow,
+        "roughness": with_spread(_per_mille(e.roughness), _per_mille(e.roughness_std), 1, " ‰"),
+        "slopes": f"{pitch} rising ahead, {roll} falling right",
+        "downhill_bearing_deg": number(e.downhill_bearing_deg, 0, "°"),
+    }
+
+
+def verdict(decision: Decision | None) -> str:
+    """The verdict in capitals."""
+    return (
+        VERDICTS["unknown"] if decision is None else VERDICTS.get(decision.verdict, decision.verdict.upper())
+    )
+
+
+def against(decision: Decision | None, estimate: Estimate | None) -> list[str]:
+    """What stands against landing now, in words."""
+    if decision is None:
+        return ["no decision has come yet"]
+    found = list(decision.reasons)
+    if estimate is not None and estimate.status != "ok":
+        line = f"no estimate: {estimate.status}"
+        if line not in found and estimate.status not in " ".join(found):
+            found.append(line)
+    return found
+
+
+def permission(decision: Decision | None) -> str:
+    """Whether a landing may be requested, and what withholds it."""
+    if decision is None:
+        return DASH
+    if decision.requested:
+        return "given and used: a landing was requested"
+    if decision.permitted:
+        return "given"
+    return "withheld: " + ("; ".join(decision.withheld) or "no reason given")
+
+
+def command(decision: Decision | None) -> str:
+    """The command to land and what became of it."""
+    if decision is None or decision.command == "none":
+        return "none sent"
+    return decision.command
+
+
+def input_line(found: InputHealth) -> tuple[str, str, str, str]:
+    """State, rate, age and counters of one input."""
+    refused = f", {found.refused} refused" if found.refused else ""
+    return (
+        found.state,
+        number(found.rate_hz, 1, " Hz"),
+        number(found.age_s, 2, " s"),
+        f"{found.count}{refused}",
+    )
+
+
+def clock(health: Health | None) -> str:
+    """How well the clocks agree, and the pipeline's time."""
+    if health is None:
+        return DASH
+    std_ms = None if health.clock_std_s is None else 1000 * health.clock_std_s
+    known = "clocks not set against each other yet" if std_ms is None else f"clocks agree to {std_ms:.1f} ms"
+    return f"{known}; pipeline {number(health.pipeline_ms, 1, ' ms')} a frame"
+
+
+def duration(seconds: float) -> str:
+    """A time that has passed, readable at a glance."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.0f} h"
+
+
+def _per_mille(share: float | None) -> float | None:
+    return None if share is None else 1000 * share
