@@ -1,16 +1,21 @@
 """When a flight is recorded, and the papers that go with it."""
 
 import dataclasses
+from collections.abc import Iterable
 from pathlib import Path
 
-from companion.check_command import in_force
-from companion.settings import RecordSettings
-from companion.settings_file import LoadedSettings
+from companion.messages import Message, encode, topic_of
+from companion.settings import RecordSettings, Settings
+from companion.settings_file import entries, value_of, written
+from drivers.events import DriverEvent
 from drivers.flight_folder import CALIBRATION
-from drivers.recorder import FlightPapers, RecorderOptions
+from drivers.recorder import FlightPapers, Recorder, RecorderOptions
+from drivers.samples import Frame, Heartbeat, Sample
 
 US_PER_S = 1_000_000
 BYTES_PER_MB = 1_000_000
+DEFAULT_RATE_HZ = 30.0
+"""Rate of the recorded video when none is asked of the camera; the true times stand in frames.csv."""
 
 
 class RecordingSwitch:
@@ -59,10 +64,91 @@ def recorder_options(settings: RecordSettings, rate_hz: float) -> RecorderOption
     )
 
 
-def flight_papers(loaded: LoadedSettings) -> FlightPapers:
+def flight_papers(settings: Settings) -> FlightPapers:
     """The settings in force, with the calibration beside them under the name that flights use."""
-    calibration = Path(loaded.settings.camera.calibration)
+    calibration = Path(settings.camera.calibration)
     text = calibration.read_text(encoding="utf-8") if calibration.is_file() else ""
-    camera = dataclasses.replace(loaded.settings.camera, calibration=CALIBRATION if text else "")
-    flown = dataclasses.replace(loaded, settings=dataclasses.replace(loaded.settings, camera=camera))
-    return FlightPapers(settings="\n".join(in_force(flown)) + "\n", calibration=text)
+    camera = dataclasses.replace(settings.camera, calibration=CALIBRATION if text else "")
+    return FlightPapers(settings=_toml(dataclasses.replace(settings, camera=camera)), calibration=text)
+
+
+def _toml(settings: Settings) -> str:
+    lines = ["# The settings this flight was flown with."]
+    section = ""
+    for entry in entries():
+        head, _, name = entry.path.rpartition(".")
+        if head != section:
+            lines += ["", f"[{head}]"]
+            section = head
+        lines.append(f"{name} = {written(value_of(settings, entry.path))}")
+    return "\n".join(lines) + "\n"
+
+
+class FlightRecording:
+    """A recorder wired to the settings: it is told everything and keeps what belongs to a flight.
+
+    ``mavlink`` may be called from any thread, the rest from one. Without ``record.directory`` nothing happens.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._switch = RecordingSwitch(settings.record)
+        self._armed: bool | None = None
+        self._wanted = False
+        rate_hz = settings.camera.rate_hz or DEFAULT_RATE_HZ
+        self._recorder: Recorder | None = None
+        if settings.record.directory:
+            self._recorder = Recorder(recorder_options(settings.record, rate_hz), flight_papers(settings))
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """What was written, and what was lost."""
+        counted = self._recorder.counters if self._recorder is not None else {}
+        return {f"recorder {name}": count for name, count in sorted(counted.items())}
+
+    @property
+    def recording(self) -> bool:
+        """Whether a flight is being recorded now."""
+        return self._recorder is not None and self._recorder.recording
+
+    def by_hand(self, record: bool) -> None:
+        """Start (True) or stop (False) on the user's word; safe in a signal handler."""
+        self._switch.by_hand(record)
+
+    def samples(self, samples: Iterable[Sample]) -> None:
+        """What the drivers gave: frames are kept, heartbeats say whether the vehicle is armed."""
+        for sample in samples:
+            if isinstance(sample, Heartbeat):
+                self._armed = sample.armed
+            elif isinstance(sample, Frame) and self._recorder is not None:
+                self._recorder.frame(sample)
+
+    def mavlink(self, arrival_us: int, packet: bytes) -> None:
+        """One packet as it was on the wire, of either direction."""
+        if self._recorder is not None:
+            self._recorder.mavlink(arrival_us, packet)
+
+    def message(self, message: Message) -> None:
+        """One published message."""
+        if self._recorder is not None and self._recorder.recording:
+            self._recorder.message(topic_of(message), encode(message))
+
+    def step(self, time_us: int) -> list[DriverEvent]:
+        """Start or stop as the switch says; what happened since the last step.
+
+        A recording that ended by itself (disk full, size reached) is taken up again only when the switch has been off.
+        """
+        recorder = self._recorder
+        if recorder is None:
+            return []
+        wanted = self._switch.step(time_us, self._armed)
+        if wanted and not self._wanted:
+            recorder.start()
+        elif self._wanted and not wanted:
+            recorder.stop("by hand" if self._armed else "disarmed")
+        self._wanted = wanted
+        return recorder.events()
+
+    def close(self) -> None:
+        """End the recording and wait until it is on the disk."""
+        if self._recorder is not None:
+            self._recorder.close()

@@ -1,11 +1,13 @@
 """Recording goes with arming or by hand, and takes the settings and the calibration along."""
 
 import pytest
-from camera_support import SITL_LOGS
+from camera_support import SITL_LOGS, textured
 
-from companion.recording import RecordingSwitch, flight_papers, recorder_options
-from companion.settings import RecordSettings
+from companion.recording import FlightRecording, RecordingSwitch, flight_papers, recorder_options
+from companion.settings import RecordSettings, Settings
 from companion.settings_file import load
+from drivers.flight_folder import FlightFolder
+from drivers.samples import Frame, Heartbeat
 
 S = 1_000_000
 
@@ -54,7 +56,7 @@ def test_papers_are_settings_that_load_again_with_the_calibration_beside_them(tm
     loaded = load(
         SITL_LOGS / "stairs_c" / "landslope.toml", ["decision.dwell_s=1.25", "record.min_free_mb=7"]
     )
-    papers = flight_papers(loaded)
+    papers = flight_papers(loaded.settings)
     (tmp_path / "landslope.toml").write_text(papers.settings)
     (tmp_path / "camera.yaml").write_text(papers.calibration)
     again = load(tmp_path / "landslope.toml")
@@ -67,6 +69,36 @@ def test_papers_are_settings_that_load_again_with_the_calibration_beside_them(tm
 
 
 def test_papers_without_a_calibration():
-    papers = flight_papers(load(None))
+    papers = flight_papers(load(None).settings)
     assert papers.calibration == ""
     assert 'calibration = ""' in papers.settings
+
+
+def test_a_flight_is_recorded_from_arming_to_disarming(tmp_path):
+    settings = Settings(record=RecordSettings(directory=str(tmp_path), min_free_mb=1, after_disarm_s=0.0))
+    recording = FlightRecording(settings)
+    names = []
+    for t in range(40):
+        armed = 10 <= t < 30
+        at_us = 1_795_299_001_000_000 + t * S // 30
+        recording.samples(
+            [Heartbeat(at_us, armed, "GUIDED", "ardupilot", 4), Frame(t, at_us, at_us, textured(t))]
+        )
+        names += [event.event for event in recording.step(at_us)]
+    recording.close()
+    names += [event.event for event in recording.step(at_us)]
+    assert names == ["recording_started", "recording_stopped"]
+    (folder,) = tmp_path.iterdir()
+    frames = (folder / "frames.csv").read_text().splitlines()[1:]
+    assert [int(line.split(",")[3]) for line in frames] == list(range(11, 31))
+    assert FlightFolder(folder).frame_count == 20
+    assert recording.counters["recorder frames"] == 20
+
+
+def test_without_a_directory_everything_may_be_told_and_nothing_is_kept():
+    recording = FlightRecording(Settings())
+    recording.samples([Frame(0, 0, 0, textured(0))])
+    recording.mavlink(0, b"")
+    assert recording.step(0) == []
+    assert recording.counters == {}
+    recording.close()
