@@ -211,7 +211,9 @@ def _draw_banner(picture: Image, verdict: str, scene: Scene) -> None:
     bar = height // 11
     cv2.rectangle(picture, (0, 0), (width, bar), COLOURS[verdict], -1)
     _text(picture, WORDS[verdict], (bar // 3, int(0.72 * bar)), 0.0016 * height, WHITE, 3)
-    reasons = "; ".join(scene.decision.reasons) if scene.decision else ""
+    reasons = (
+        "; ".join(reason.partition(",")[0] for reason in scene.decision.reasons) if scene.decision else ""
+    )
     if reasons:
         left = bar // 3 + int(0.028 * height * len(WORDS[verdict])) + bar // 2
         _text(

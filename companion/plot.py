@@ -142,11 +142,11 @@ def _draw_roughness(axis: "Axes", history: History, times: np.ndarray, limits: D
     )
     # Linear up to the limit, where noise lives, and logarithmic above it.
     axis.set_yscale("symlog", linthresh=limits.max_roughness, linscale=1.0)
-    known = value[np.isfinite(value)]
-    axis.set_ylim(0, max(2 * limits.max_roughness, 1.3 * float(known.max()) if known.size else 0.0))
     ticks = [0.0, limits.max_roughness, 0.03, 0.1, 0.3]
     axis.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
     axis.minorticks_off()
+    known = value[np.isfinite(value)]
+    axis.set_ylim(0, max(2 * limits.max_roughness, 1.3 * float(known.max()) if known.size else 0.0))
     axis.set_ylabel("roughness\n(relief / distance)")
     axis.legend(loc="upper left", fontsize=8)
 
