@@ -87,6 +87,11 @@ class Daemon:
         self._stop.set()
         self._inbox.wake()
 
+    @property
+    def commander_connected(self) -> bool:
+        """Whether a command to land could go out: MAVSDK has found the vehicle."""
+        return self._commander is not None and self._commander.connected
+
     def counters(self) -> dict[str, int]:
         """What every part counted, for the health that is told."""
         status = self._camera.status()
