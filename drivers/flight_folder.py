@@ -78,8 +78,7 @@ class FlightFolder:
         rows = self._table.rows
         first = next(iter(rows.values()))
         order, stamp_us, due, decoded = first.order_us, first.stamp_us, 0, 0
-        for refusal in self._table.refusals:
-            yield order, 1, refusal
+        refusals = list(self._table.refusals)
         for index, image in self.video.images():
             for lost in range(due, index):
                 if lost in rows:
@@ -93,9 +92,13 @@ class FlightFolder:
                 yield order, 1, Refusal(stamp_us, "camera", "frame_without_stamp", detail)
                 continue
             order, stamp_us = max(order, row.order_us), row.stamp_us
+            while refusals and refusals[0].arrival_us < stamp_us:
+                yield order, 1, refusals.pop(0)
             yield order, 1, Frame(index, stamp_us, stamp_us, image)
         if decoded == 0:
             raise DriverError(f"{self.video.path}: not a single frame can be decoded; record or copy it anew")
+        for refusal in refusals:
+            yield order, 1, refusal
         for number in [n for n in rows if n >= due]:
             order, stamp_us = max(order, rows[number].order_us), rows[number].stamp_us
             detail = f"frame {number}: {VIDEO} ends before"
