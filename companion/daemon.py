@@ -17,6 +17,7 @@ from companion.live_pipeline import LivePipeline
 from companion.messages import Estimate, Health, Message
 from companion.preview import PreviewPublisher
 from companion.publisher import Publisher
+from companion.recording import FlightRecording
 from companion.reporting import GroundReport
 from companion.settings import Settings
 from drivers.cameras import Camera, CameraFormat, ReaderLimits, open_camera
@@ -50,9 +51,9 @@ class Daemon:
             stack.enter_context(SingleInstance(settings.vehicle.name))
             self.service = ServiceManager()
             stack.callback(self.service.close)
-            self._link = (
-                Link(link_options(settings), self._inbox.put, self._inbox.tell) if _linked(settings) else None
-            )
+            self.recording = FlightRecording(settings)
+            stack.callback(self.recording.close)
+            self._link = self._new_link()
             self.pipeline = LivePipeline(settings, self._output, self._may_enable, self.counters)
             self._report = GroundReport(settings.mavlink, self.pipeline.body_from_camera)
             self._watch = LandingWatch(settings.landing)
@@ -70,6 +71,12 @@ class Daemon:
                 self._commander.start()
                 stack.callback(self._commander.close)
             self._stack = stack.pop_all()
+
+    def _new_link(self) -> Link | None:
+        if not self.settings.mavlink.connection:
+            return None
+        recorder = self.recording.mavlink if self.settings.record.directory else None
+        return Link(link_options(self.settings), self._inbox.put, self._inbox.tell, recorder)
 
     def run(self) -> None:
         """Work until ``stop``; a command under way gets its answer first."""
@@ -105,6 +112,7 @@ class Daemon:
             "zenoh unsent": self._publisher.bus.unsent,
         }
         counted |= {f"camera refused: {reason}": count for reason, count in status.refused.items()}
+        counted |= self.recording.counters
         if self._link is not None:
             counted |= {f"link {name}": count for name, count in sorted(self._link.counters.items())}
         return counted
@@ -112,11 +120,12 @@ class Daemon:
     def _turn(self) -> None:
         """One round: what came is fed in order of arrival; the watchdog is fed when all of it went through."""
         samples, events = self._inbox.take(TICK_S)
-        for event in (*events, *self._camera.events()):
-            self.pipeline.tell(event)
         samples += self._camera.take()
+        samples.sort(key=_arrival)
+        self.recording.samples(samples)
+        for event in (*events, *self._camera.events(), *self.recording.step(now_us())):
+            self.pipeline.tell(event)
         if samples:
-            samples.sort(key=_arrival)
             self._feed_gyro(samples)
             self.pipeline.feed(samples)
         else:
@@ -149,6 +158,7 @@ class Daemon:
         elif isinstance(message, Health):
             self.service.status("; ".join(message.problems) or "all well")
         self._publisher.publish(message)
+        self.recording.message(message)
         if self._link is not None:
             for outgoing in self._report.feed(message):
                 self._link.send(outgoing)
@@ -177,13 +187,11 @@ class Daemon:
 
 
 def stop_on_signals(daemon: Daemon) -> None:
-    """SIGTERM and SIGINT end the daemon in good order."""
+    """SIGTERM and SIGINT end the daemon in good order; SIGUSR1 starts a recording by hand, SIGUSR2 stops it."""
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: daemon.stop())
-
-
-def _linked(settings: Settings) -> bool:
-    return bool(settings.mavlink.connection)
+    signal.signal(signal.SIGUSR1, lambda *_: daemon.recording.by_hand(True))
+    signal.signal(signal.SIGUSR2, lambda *_: daemon.recording.by_hand(False))
 
 
 def _camera_of(settings: Settings) -> OpenCamera:

@@ -22,7 +22,7 @@ class EnableSwitch:
         self._s = settings
         self._radio_on = False
         self._radio_us: int | None = None
-        self._mode_on = False
+        self._mode_on: bool | None = None
         self._seen_off = False
         self._overridden = False
         self._sticks: tuple[int, ...] = ()
@@ -53,12 +53,13 @@ class EnableSwitch:
             self._radio(sample)
         elif isinstance(sample, Heartbeat):
             self._mode_on = sample.mode in self._s.enable_modes
-            self._seen_off |= bool(self._s.enable_modes) and not self._mode_on
         if not self.has_switch:
             return self.enabled
+        wanted = self._wanted()
         if self._s.enable_rc_channel and self._radio_silent():
             self._seen_off = False  # silence is no switch turned off by hand: it must not renew a permission
-        wanted = self._wanted()
+        elif not self._s.enable_modes or self._mode_on is not None:
+            self._seen_off |= not wanted
         if not wanted:
             self._overridden = False
         elif not self.enabled and self._seen_off and not self._overridden:
@@ -69,7 +70,7 @@ class EnableSwitch:
 
     def _wanted(self) -> bool:
         radio = self._s.enable_rc_channel == 0 or (self._radio_on and not self._radio_silent())
-        mode = not self._s.enable_modes or self._mode_on
+        mode = not self._s.enable_modes or bool(self._mode_on)
         return radio and mode
 
     def _radio(self, rc: RcChannels) -> None:
@@ -84,7 +85,6 @@ class EnableSwitch:
         self._radio_us = rc.arrival_us
         limit = self._s.enable_rc_above_us
         self._radio_on = pulse > (limit - self._s.enable_rc_hysteresis_us if self._radio_on else limit)
-        self._seen_off |= not self._radio_on
 
     def _radio_silent(self) -> bool:
         return self._radio_us is None or self._now_us - self._radio_us > self._s.enable_rc_max_age_s * 1e6
