@@ -240,13 +240,14 @@ class AutopilotClock:
         return max(-limit, min(limit, above / below)) if below > 0 else 0.0
 
     def _apply_round_trips(self, now_us: int) -> None:
-        """Where round trips are shorter than the arrivals' doubt, the shortest of them gives the offset."""
+        """Where round trips leave less doubt than the arrivals, the shortest of them gives the offset."""
         if not self._trips:
             return
         boot_us, offset, trip_us = min(self._trips, key=lambda trip: trip[2])
         offset += self._drift * (now_us - boot_us)
-        # Whatever the way back took, it took no longer than the trip: the envelope bounds the offset from above.
-        if offset > self._offset_us or self._offset_us - offset > trip_us:
-            return
-        self._offset_us = offset
-        self._std_us = max(self._s.timesync_std_floor_s * 1e6, trip_us / 4)
+        std_us = max(self._s.timesync_std_floor_s * 1e6, trip_us / 4)
+        # Nothing arrives before it was sent, and messages wait little longer than the answer to a round trip did.
+        late_us = self._offset_us - offset
+        if std_us < self._std_us and -trip_us / 2 <= late_us <= trip_us + self._s.link_jitter_s * 1e6:
+            self._offset_us = min(offset, self._offset_us)
+            self._std_us = std_us
