@@ -20,17 +20,25 @@ class Chart:
     value: Callable[[Estimate], float | None]
     std: Callable[[Estimate], float | None] | None = None
     second: Callable[[Estimate], float | None] | None = None
+    floor: float | None = 0.0
+    """Where the axis starts; None follows the data."""
 
 
 CHARTS = (
     Chart("inclination", "inclination, °", lambda e: e.inclination_deg, lambda e: e.inclination_std_deg),
     Chart("contact", "time to contact up to 60 s", lambda e: _soon(e.time_to_contact_s)),
-    Chart("flow", "ventral flow x, y, 1/s", lambda e: e.ventral_flow_x, second=lambda e: e.ventral_flow_y),
+    Chart(
+        "flow",
+        "ventral flow x, y, 1/s",
+        lambda e: e.ventral_flow_x,
+        second=lambda e: e.ventral_flow_y,
+        floor=None,
+    ),
     Chart(
         "roughness",
-        "roughness, ‰",
-        lambda e: None if e.roughness is None else 1000 * e.roughness,
-        lambda e: None if e.roughness_std is None else 1000 * e.roughness_std,
+        "roughness",
+        lambda e: e.roughness,
+        lambda e: e.roughness_std,
     ),
 )
 
@@ -56,7 +64,12 @@ def frame_of(chart: Chart, span_s: float) -> dict[str, Any]:
             "axisLine": {"onZero": False},
             "axisLabel": {"fontSize": 14, "color": "#000", "formatter": "{value} s"},
         },
-        "yAxis": {"type": "value", "scale": True, "axisLabel": {"fontSize": 14, "color": "#000"}},
+        "yAxis": {
+            "type": "value",
+            "scale": chart.floor is None,
+            "min": chart.floor,
+            "axisLabel": {"fontSize": 14, "color": "#000"},
+        },
         "series": [
             bare,
             {**bare, "areaStyle": {"color": BAND, "opacity": 0.7}},
@@ -86,6 +99,6 @@ def series_of(chart: Chart, points: Sequence[Point], now_s: float, span_s: float
                 low.append([age, None])
                 height.append([age, None])
             else:
-                low.append([age, round(v - s, 4)])
-                height.append([age, round(2 * s, 4)])
+                low.append([age, round(v - s, 5)])
+                height.append([age, round(2 * s, 5)])
     return [low, height, value, second]

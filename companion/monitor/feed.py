@@ -11,12 +11,12 @@ POLL_S = 0.1
 
 
 class Feed:
-    """Drains a subscription; ``look`` and ``look_away`` say how many pages want pictures."""
+    """Drains a subscription; ``look`` and ``look_away`` say which pages want pictures."""
 
     def __init__(self, watch: Watch, endpoints: Endpoints, vehicle: str = "*") -> None:
         self._watch = watch
         self._subscription = Subscription(endpoints, vehicle, TOPICS)
-        self._looking = 0
+        self._looking: set[str] = set()
         self._lock = threading.Lock()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="monitor-feed", daemon=True)
@@ -31,17 +31,17 @@ class Feed:
         """Routers and peers that the monitor is connected to now."""
         return self._subscription.links()
 
-    def look(self) -> None:
-        """A page wants pictures."""
+    def look(self, page: str) -> None:
+        """A page wants pictures; it may say so again."""
         with self._lock:
-            self._looking += 1
+            self._looking.add(page)
             self._subscription.add("preview")
 
-    def look_away(self) -> None:
+    def look_away(self, page: str) -> None:
         """A page is gone."""
         with self._lock:
-            self._looking -= 1
-            if self._looking == 0:
+            self._looking.discard(page)
+            if not self._looking:
                 self._subscription.remove("preview")
 
     def close(self) -> None:

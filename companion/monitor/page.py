@@ -23,7 +23,7 @@ MOST_INPUTS = 40
 MOST_WORDS = 12
 FIGURES = (
     ("time_to_contact_s", "time to contact"),
-    ("ventral_flow", "ventral flow x, y"),
+    ("ventral_flow", "ventral flow x, y, 1/s"),
     ("roughness", "roughness"),
     ("downhill_bearing_deg", "falls towards"),
 )
@@ -133,10 +133,12 @@ class Page:
         with _card("events"):
             self._events = _label("words small", "events")
         self._charts = {}
-        for chart in CHARTS:
-            with ui.element("section").classes("card"):
-                options = frame_of(chart, self._watch.options.history_s)
-                self._charts[chart.name] = ui.echart(options).classes("chart").props(f"id=chart-{chart.name}")
+        with ui.element("div").classes("charts wide"):
+            for chart in CHARTS:
+                with ui.element("section").classes("card"):
+                    options = frame_of(chart, self._watch.options.history_s)
+                    element = ui.echart(options).classes("chart").props(f"id=chart-{chart.name}")
+                    self._charts[chart.name] = element
 
     def _show_alarm(self, view: View) -> None:
         lines = []

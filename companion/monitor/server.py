@@ -22,8 +22,9 @@ def application(watch: Watch, feed: Feed, token: str | None, *, secure: bool) ->
 
     @ui.page("/", title="landslope")
     def index(client: Client, vehicle: str | None = None) -> None:
-        feed.look()
-        client.on_delete(feed.look_away)
+        # Only a browser that connects looks; a bare request for the page never says good-bye.
+        client.on_connect(lambda: feed.look(client.id))
+        client.on_delete(lambda: feed.look_away(client.id))
         Page(watch, feed, vehicle)
 
     ui.run_with(

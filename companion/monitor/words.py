@@ -3,6 +3,7 @@
 from companion.messages import Decision, Estimate, Health, InputHealth
 
 DASH = "–"
+COMPASS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 VERDICTS = {"fit": "FIT TO LAND", "unfit": "NOT FIT", "unknown": "UNKNOWN"}
 
 
@@ -35,17 +36,34 @@ def figures(e: Estimate | None) -> dict[str, str]:
     flow = (
         DASH
         if e.ventral_flow_x is None or e.ventral_flow_y is None
-        else f"{e.ventral_flow_x:+.2f}, {e.ventral_flow_y:+.2f} /s"
+        else f"{e.ventral_flow_x:+.2f}, {e.ventral_flow_y:+.2f}"
     )
-    pitch, roll = number(e.surface_pitch_deg, 1, "°"), number(e.surface_roll_deg, 1, "°")
     return {
         "inclination_deg": with_spread(e.inclination_deg, e.inclination_std_deg, 1, "°"),
         "time_to_contact_s": number(e.time_to_contact_s, 1, " s"),
         "ventral_flow": flow,
-        "roughness": with_spread(_per_mille(e.roughness), _per_mille(e.roughness_std), 1, " ‰"),
-        "slopes": f"{pitch} rising ahead, {roll} falling right",
-        "downhill_bearing_deg": number(e.downhill_bearing_deg, 0, "°"),
+        "roughness": with_spread(e.roughness, e.roughness_std, 4, ""),
+        "slopes": slopes(e),
+        "downhill_bearing_deg": bearing(e.downhill_bearing_deg),
     }
+
+
+def slopes(e: Estimate) -> str:
+    """The surface's slope along and across the vehicle's heading."""
+    if e.surface_pitch_deg is None or e.surface_roll_deg is None:
+        return "ahead –, to the right –"
+    ahead = "rises" if e.surface_pitch_deg > 0 else "falls"
+    right = "falls" if e.surface_roll_deg > 0 else "rises"
+    return (
+        f"{ahead} {abs(e.surface_pitch_deg):.1f}° ahead, {right} {abs(e.surface_roll_deg):.1f}° to the right"
+    )
+
+
+def bearing(degrees: float | None) -> str:
+    """A bearing with its compass point."""
+    if degrees is None:
+        return DASH
+    return f"{degrees % 360:.0f}° {COMPASS[round(degrees / 45) % len(COMPASS)]}"
 
 
 def verdict(decision: Decision | None) -> str:
@@ -110,7 +128,3 @@ def duration(seconds: float) -> str:
     if seconds < 100:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.0f} h"
-
-
-def _per_mille(share: float | None) -> float | None:
-    return None if share is None else 1000 * share
