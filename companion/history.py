@@ -7,61 +7,67 @@ from numpy.typing import NDArray
 
 from companion.messages import Decision, Estimate, Event, Health, Message
 
+LONGEST_STEP_S = 5.0
+"""Frames further apart than this, or backward, are a clock that was set, not a pause."""
+
+FIRST_STEP_S = 1 / 30
+
 
 @dataclass(slots=True)
 class History:
-    """The messages of one flight in order; of the health only the newest."""
+    """The messages of one flight in order, of the health only the newest.
+
+    Times are seconds since the first frame, across a clock that was set in between; a decision or an event
+    has the time of the newest estimate before it.
+    """
 
     estimates: list[Estimate] = field(default_factory=list)
-    decisions: list[Decision] = field(default_factory=list)
-    events: list[Event] = field(default_factory=list)
+    times: list[float] = field(default_factory=list)
+    """Time of each estimate."""
+    verdicts: list[str] = field(default_factory=list)
+    """The verdict in force after each estimate."""
+    decisions: list[tuple[float, Decision]] = field(default_factory=list)
+    events: list[tuple[float, Event]] = field(default_factory=list)
     health: Health | None = None
+    _step_s: float = FIRST_STEP_S
 
     def add(self, message: Message) -> None:
         """Keep one message."""
         match message:
             case Estimate():
+                self.times.append(self._next_time(message))
                 self.estimates.append(message)
+                self.verdicts.append(self.decisions[-1][1].verdict if self.decisions else "unknown")
             case Decision():
-                self.decisions.append(message)
+                self.decisions.append((self.now_s, message))
+                if self.verdicts:
+                    self.verdicts[-1] = message.verdict
             case Event():
-                self.events.append(message)
+                self.events.append((self.now_s, message))
             case Health():
                 self.health = message
 
     @property
-    def start_us(self) -> int:
-        """Time of the first frame; 0 without frames."""
-        return self.estimates[0].time_unix_us if self.estimates else 0
+    def now_s(self) -> float:
+        """Time of the newest estimate."""
+        return self.times[-1] if self.times else 0.0
 
     @property
     def duration_s(self) -> float:
         """From the first frame to the end of the last."""
-        if len(self.estimates) < 2:
-            return 0.0
-        span_us = self.estimates[-1].time_unix_us - self.start_us
-        return span_us / 1e6 * len(self.estimates) / (len(self.estimates) - 1)
-
-    def seconds(self, time_unix_us: int) -> float:
-        """Time since the first frame."""
-        return (time_unix_us - self.start_us) / 1e6
-
-    def times_s(self) -> NDArray[np.float64]:
-        """(n,) times of the estimates since the first frame."""
-        return np.array([self.seconds(e.time_unix_us) for e in self.estimates])
+        return self.now_s * len(self.times) / (len(self.times) - 1) if len(self.times) > 1 else 0.0
 
     def series(self, name: str) -> NDArray[np.float64]:
         """(n,) one field of the estimates; NaN where it is unknown."""
         values = [getattr(e, name) if e.status == "ok" else None for e in self.estimates]
         return np.array([np.nan if v is None else v for v in values], dtype=np.float64)
 
-    def verdicts(self) -> list[str]:
-        """The verdict in force at each estimate."""
-        found, at = [], 0
-        verdict = "unknown"
-        for estimate in self.estimates:
-            while at < len(self.decisions) and self.decisions[at].time_unix_us <= estimate.time_unix_us:
-                verdict = self.decisions[at].verdict
-                at += 1
-            found.append(verdict)
-        return found
+    def _next_time(self, estimate: Estimate) -> float:
+        if not self.estimates:
+            return 0.0
+        step_s = (estimate.time_unix_us - self.estimates[-1].time_unix_us) / 1e6
+        if not 0 <= step_s <= LONGEST_STEP_S:
+            return self.now_s + self._step_s
+        if step_s > 0:
+            self._step_s = step_s
+        return self.now_s + step_s

@@ -37,7 +37,7 @@ def plot(name: str, history: History, limits: DecisionOptions, path: Path) -> No
     axes: list[Any] = list(
         figure.subplots(6, 1, sharex=True, gridspec_kw={"height_ratios": [0.35, 2.4, 1.4, 1.1, 1.1, 1.1]})
     )
-    times = history.times_s()
+    times = np.array(history.times)
     verdict, inclination, slope, contact, flow, roughness = axes
     _draw_verdict(verdict, history, times)
     _draw_inclination(inclination, history, times, limits)
@@ -152,9 +152,8 @@ def _draw_roughness(axis: "Axes", history: History, times: np.ndarray, limits: D
 
 
 def _spans(history: History, times: np.ndarray) -> list[tuple[float, float, str]]:
-    verdicts = history.verdicts()
     spans: list[tuple[float, float, str]] = []
-    for at, verdict in enumerate(verdicts):
+    for at, verdict in enumerate(history.verdicts):
         end = float(times[at + 1]) if at + 1 < times.size else history.duration_s
         if spans and spans[-1][2] == verdict:
             spans[-1] = (spans[-1][0], end, verdict)
@@ -170,10 +169,9 @@ def _shade(axis: "Axes", history: History, times: np.ndarray) -> None:
 
 
 def _mark_requests(axes: "list[Axes]", history: History) -> None:
-    for event in history.events:
+    for at, event in history.events:
         if event.event != "landing_requested":
             continue
-        at = history.seconds(event.time_unix_us)
         for axis in axes:
             axis.axvline(at, color="black", lw=1.6)
         axes[1].annotate(

@@ -1,10 +1,14 @@
 """Messages onto the bus: encoded, under their topics, with the configuration answered on request."""
 
+import time
+
 import msgspec
 
 from companion.messages import Message, encode, topic_of
 from companion.settings import Settings, ZenohSettings
-from drivers.bus import CONFIGURATION, Bus, Endpoints
+from drivers.bus import CONFIGURATION, DECISION, Bus, Endpoints
+
+POLL_S = 0.02
 
 
 def endpoints(settings: ZenohSettings) -> Endpoints:
@@ -28,6 +32,13 @@ class Publisher:
     def publish(self, message: Message) -> None:
         """Put one message; never waits for a subscriber."""
         self.bus.put(topic_of(message), encode(message))
+
+    def await_subscriber(self, timeout_s: float) -> bool:
+        """Wait until somebody subscribes to decisions, but not for longer; returns whether somebody does."""
+        end = time.monotonic() + timeout_s
+        while not (found := self.bus.subscribed(DECISION)) and time.monotonic() < end:
+            time.sleep(POLL_S)
+        return found
 
     def close(self) -> None:
         """Leave the bus."""

@@ -18,12 +18,15 @@ from companion.preview import PreviewPublisher
 from companion.publisher import Publisher
 from companion.replay_output import Outputs, write_event, write_message
 from companion.replay_source import PlainCamera, ReplaySource, open_source
-from companion.summary import summary
+from companion.summary import Pace, summary
 from drivers.errors import DriverError
 from drivers.samples import Frame, Sample
 
 PROGRESS_EVERY_FRAMES = 10
 FOLLOW_POLL_S = 0.05
+SUBSCRIBER_WAIT_S = 1.0
+"""A watcher that is there already is given this long to be found before the first message."""
+
 LONGEST_WAIT_S = 5.0
 """A hole in the recording is not waited out for longer than this at the recorded pace."""
 
@@ -75,7 +78,7 @@ def replay(job: ReplayJob, progress: Progress = lambda done, total: None) -> str
     with ExitStack() as stack:
         run = _Run(job, source, stack, progress)
         damage = run.all()
-        text = summary(job.name, run.history, source.settings.decision, run.elapsed_s)
+        text = summary(job.name, run.history, source.settings.decision, run.pace)
     if job.outputs.plot is not None:
         plot(job.name, run.history, source.settings.decision, job.outputs.plot)
     return text if damage is None else f"{text}\n  stopped    {damage}"
@@ -86,12 +89,12 @@ class _Run:
 
     def __init__(self, job: ReplayJob, source: ReplaySource, stack: ExitStack, progress: Progress) -> None:
         self.history = History()
-        self.elapsed_s = 0.0
+        self.pace = Pace(0.0, 0.0)
+        self._drawing_s = 0.0
         self._job = job
         self._source = source
         self._progress = progress
         self._frames = 0
-        self._first_us: int | None = None
         self._last_decision: Decision | None = None
         self._core = Core(
             source.settings, source.camera, calibrated=source.calibrated, telemetry=source.telemetry
@@ -107,16 +110,15 @@ class _Run:
         if self._publisher:
             self._preview = PreviewPublisher(self._publisher.bus, source.settings.preview)
             stack.callback(self._preview.close)
+            self._publisher.await_subscriber(SUBSCRIBER_WAIT_S)
         self._autopilot = _connected(job, source, stack)
 
     def all(self) -> DriverError | None:
         """Everything there is; the error that ended the input early, if one did."""
         damage = None
-        started = time.perf_counter()
-        waited_s = 0.0
+        started_s, used_s = time.perf_counter(), time.thread_time()
         try:
-            for sample, wait_s in _paced(self._source.samples(), self._job.realtime):
-                waited_s += wait_s
+            for sample in _paced(self._source.samples(), self._job.realtime):
                 self._one(sample)
         except DriverError as error:
             if not self._frames:
@@ -124,21 +126,17 @@ class _Run:
             damage = error
         self._follow_command()
         self._take(self._core.finish())
-        self.elapsed_s = time.perf_counter() - started
-        if not self._job.realtime:
-            self.elapsed_s -= self._drawing_s
+        used_s = time.thread_time() - used_s - self._drawing_s
+        self.pace = Pace(time.perf_counter() - started_s, used_s)
         return damage
-
-    _drawing_s = 0.0
 
     def _one(self, sample: Sample) -> None:
         if isinstance(sample, Frame):
             self._frames += 1
-            self._first_us = self._first_us or sample.arrival_us
             if self._frames % PROGRESS_EVERY_FRAMES == 0:
                 self._progress(self._frames, self._source.frame_count)
         after_s = self._job.enable_after_s
-        if after_s is not None and self._first_us and sample.arrival_us - self._first_us >= after_s * 1e6:
+        if after_s is not None and self.history.now_s >= after_s:
             self._core.set_enabled(True)
         if not (self._autopilot and self._autopilot.replaces(sample)):
             self._take(self._core.feed(sample))
@@ -153,7 +151,7 @@ class _Run:
         for output in outputs:
             if isinstance(output, LandRequest):
                 if self._video:
-                    self._video.requested(self.history.seconds(output.time_unix_us))
+                    self._video.requested(self.history.now_s)
                 if self._autopilot:
                     self._autopilot.request(output)
             elif not isinstance(output, Processed):
@@ -161,12 +159,11 @@ class _Run:
             elif self._preview:
                 self._preview.put(output.frame, output.estimate, self.history.estimates[-1].time_unix_us)
         if self._video:
-            started = time.perf_counter()
+            started_s = time.thread_time()
             for output in outputs:
                 if isinstance(output, Processed):
-                    newest = self.history.estimates[-1].time_unix_us if self.history.estimates else 0
-                    self._video.add(output.frame.image, output.estimate, self.history.seconds(newest))
-            self._drawing_s += time.perf_counter() - started
+                    self._video.add(output.frame.image, output.estimate, self.history.now_s)
+            self._drawing_s += time.thread_time() - started_s
 
     def _message(self, message: Message) -> None:
         self.history.add(message)
@@ -198,12 +195,11 @@ def _connected(job: ReplayJob, source: ReplaySource, stack: ExitStack) -> Autopi
     return autopilot
 
 
-def _paced(samples: Iterator[Sample], realtime: bool) -> Iterator[tuple[Sample, float]]:
-    """The samples, each at its recorded time when ``realtime``, with the time that was waited for it."""
+def _paced(samples: Iterator[Sample], realtime: bool) -> Iterator[Sample]:
+    """The samples, each at its recorded time when ``realtime``."""
     started: float | None = None
     first_us = last_us = 0
     for sample in samples:
-        wait_s = 0.0
         if realtime:
             now = time.monotonic()
             if started is None:
@@ -214,4 +210,4 @@ def _paced(samples: Iterator[Sample], realtime: bool) -> Iterator[tuple[Sample, 
             wait_s = max(0.0, started + (sample.arrival_us - first_us) / 1e6 - now)
             if wait_s:
                 time.sleep(wait_s)
-        yield sample, wait_s
+        yield sample

@@ -37,7 +37,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     files.add_argument("--events", metavar="FILE.jsonl", help="every change of decision and every event")
     files.add_argument("--plot", metavar="FILE.png", help="the flight at a glance (needs the extra 'plot')")
     files.add_argument("--video", metavar="FILE.mp4", help="tracks, surface and verdict drawn on the frames")
-    files.add_argument("--publish", action="store_true", help="every message on zenoh, as [zenoh] says")
+    files.add_argument(
+        "--publish",
+        action="store_true",
+        help="every message on zenoh: to watchers on this network, or as --set zenoh.* says",
+    )
     how = parser.add_argument_group("how it runs")
     how.add_argument("--realtime", action="store_true", help="at the recorded pace")
     how.add_argument(
@@ -98,13 +102,16 @@ def _jobs(args: argparse.Namespace) -> "list[ReplayJob]":
     names = names_of(args.flights)
     outputs = [outputs_for(name, wanted, several) for name in names]
     check_writable(outputs)
+    overrides = list(args.overrides)
+    if args.publish and not any(word.startswith("zenoh.") for word in overrides):
+        overrides.insert(0, "zenoh.scouting=true")  # on the desk, watchers are found by themselves
     plain = PlainCamera(args.fps, args.fov_deg, args.focal_px, args.calibration)
     return [
         ReplayJob(
             name=name,
             path=flight,
             config=args.config,
-            overrides=tuple(args.overrides),
+            overrides=tuple(overrides),
             plain=plain,
             outputs=files,
             publish=args.publish,

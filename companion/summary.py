@@ -20,7 +20,16 @@ PARTLY = (0.2, 0.7)
 KNOWN_SHARE = 0.3
 TROUBLE_SHOWN = 8
 REFUSED = "refused "
+NOT_ENABLED = "landing is not enabled"
 LABEL_WIDTH = 11
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """How long a replay took, and how much of one core it used without the drawing of pictures."""
+
+    elapsed_s: float
+    computing_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +66,7 @@ class _Run:
 
 def stretches(history: History, limits: DecisionOptions) -> list[Stretch]:
     """The flight cut into stretches of like inclination, from the estimates in bins of half a second."""
-    times, inclination = history.times_s(), history.series("inclination_deg")
+    times, inclination = np.array(history.times), history.series("inclination_deg")
     if np.all(np.isnan(inclination)):
         inclination = np.hypot(history.series("slope_x_deg"), history.series("slope_y_deg"))
     numbers = np.floor(times / BIN_S).astype(int)
@@ -78,12 +87,14 @@ def stretches(history: History, limits: DecisionOptions) -> list[Stretch]:
     return found
 
 
-def summary(name: str, history: History, limits: DecisionOptions, elapsed_s: float) -> str:
+def summary(name: str, history: History, limits: DecisionOptions, pace: Pace) -> str:
     """The summary of one flight, several lines."""
     estimates = history.estimates
     head = f"{name}: {len(estimates)} frames in {history.duration_s:.1f} s"
-    if elapsed_s > 0 and estimates:
-        head += f", replayed in {elapsed_s:.1f} s: {history.duration_s / elapsed_s:.1f} times real time on one core"
+    if pace.computing_s > 0 and estimates:
+        factor = history.duration_s / pace.computing_s
+        head += f", replayed in {pace.elapsed_s:.1f} s"
+        head += f"; computing took {pace.computing_s:.1f} s of one core: {factor:.1f} times real time"
     return "\n".join([head, *(f"  {line}" for line in _body(history, limits))])
 
 
@@ -96,7 +107,8 @@ def _body(history: History, limits: DecisionOptions) -> Iterator[str]:
     yield from _labelled("estimates", [_share(history)])
     if not all(e.calibrated for e in estimates):
         yield from _labelled("caution", ["uncalibrated camera: slopes are only roughly right"])
-    if all(e.inclination_deg is None for e in estimates):
+    good = [e for e in estimates if e.status == "ok"]
+    if good and all(e.inclination_deg is None for e in good):
         yield from _labelled("caution", ["no attitude: slopes are relative to the camera, not to gravity"])
     yield from _labelled("below", [str(stretch) for stretch in stretches(history, limits)])
     yield from _labelled("fit", [_fit(history)])
@@ -120,31 +132,33 @@ def _share(history: History) -> str:
 
 
 def _fit(history: History) -> str:
-    first = next((d for d in history.decisions if d.verdict == "fit"), None)
+    first = next((told for told in history.decisions if told[1].verdict == "fit"), None)
     if first is None:
         against = Counter(reason.partition(":")[0] for e in history.estimates for reason in e.against_flat)
         why = f"; most often: {against.most_common(1)[0][0]}" if against else ""
         return f"never fit for landing{why}"
-    share = sum(verdict == "fit" for verdict in history.verdicts()) / len(history.estimates)
-    when = history.seconds(first.time_unix_us)
-    return f"first fit for landing at {when:.1f} s (frame {first.frame}); fit {100 * share:.0f} % of the time"
+    share = history.verdicts.count("fit") / len(history.estimates)
+    at_s, decision = first
+    return (
+        f"first fit for landing at {at_s:.1f} s (frame {decision.frame}); fit {100 * share:.0f} % of the time"
+    )
 
 
 def _landing(history: History) -> Iterator[str]:
-    requests = [e for e in history.events if e.event == "landing_requested"]
-    for event in requests:
-        yield f"requested at {history.seconds(event.time_unix_us):.1f} s (frame {event.frame})"
-    if requests:
-        for event in history.events:
-            if event.event.startswith("landing_") and event.event != "landing_requested":
-                yield f"{history.seconds(event.time_unix_us):.1f} s: {event.text}"
+    told = [(at_s, e) for at_s, e in history.events if e.event.startswith("landing_")]
+    for at_s, event in told:
+        if event.event == "landing_requested":
+            yield f"requested at {at_s:.1f} s (frame {event.frame})"
+        else:
+            yield f"{at_s:.1f} s: {event.text}"
+    if told:
         return
-    fit = [d for d in history.decisions if d.verdict == "fit"]
-    ready = next((d for d in fit if not [w for w in d.withheld if "enabled" not in w]), None)
-    if ready is not None:
-        yield f"not requested, as it was not enabled; it would have been at {history.seconds(ready.time_unix_us):.1f} s"
+    fit = [(at_s, d) for at_s, d in history.decisions if d.verdict == "fit"]
+    ready_s = next((at_s for at_s, d in fit if not [w for w in d.withheld if w != NOT_ENABLED]), None)
+    if ready_s is not None:
+        yield f"not requested, as it was not enabled (--enable-after); it would have been at {ready_s:.1f} s"
     elif fit:
-        yield "not requested: " + "; ".join(fit[-1].withheld)
+        yield "not requested: " + "; ".join(fit[-1][1].withheld)
     else:
         yield "not requested"
 
@@ -160,9 +174,9 @@ def _refusals(history: History) -> Iterator[str]:
 
 
 def _trouble(history: History) -> Iterator[str]:
-    told = [e for e in history.events if e.severity != "info" and not e.event.startswith("landing_")]
-    for event in told[:TROUBLE_SHOWN]:
-        yield f"{history.seconds(event.time_unix_us):5.1f} s  {event.text}"
+    told = [t for t in history.events if t[1].severity != "info" and not t[1].event.startswith("landing_")]
+    for at_s, event in told[:TROUBLE_SHOWN]:
+        yield f"{at_s:5.1f} s  {event.text}"
     if len(told) > TROUBLE_SHOWN:
         yield f"and {len(told) - TROUBLE_SHOWN} more: --events FILE.jsonl has all of them"
 
