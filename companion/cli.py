@@ -22,7 +22,10 @@ COMMANDS = {
     "export": ("companion.export_command", "write a recorded flight for the robotics tools (MCAP)"),
     "schema": ("companion.schema_command", "print the JSON Schema of the messages"),
     "fleet": ("companion.fleet_command", "measure losses and delay of many vehicles under one zenoh router"),
+    "experiments": ("companion.experiments_command", "run the experiments of the method's paper and write a report"),
     "watch": ("companion.watch_command", "show a vehicle's messages live in the terminal"),
+    "install": ("companion.install_command", "install landslope as a systemd service, or take it off again"),
+    "sim": ("companion.sim_command", "fly a simulated drone over simulated ground, closed loop"),
 }
 """Name -> (module with add_arguments(parser) and run(args) -> exit code, one line of help)."""
 

@@ -22,6 +22,10 @@ from drivers.simulated.telemetry_streams import Origin, TelemetryStreams
 from drivers.simulated.vehicle import Multirotor
 
 
+LONGEST_LAG_S = 1.0
+"""Physics that falls behind the clock by more than this does not catch up."""
+
+
 @dataclass(slots=True)
 class LinkFaults:
     """What the way between autopilot and companion does to messages; may be changed in flight."""
@@ -70,11 +74,15 @@ class SimulatedAutopilot:
         self.speed = speed
         self.before_step: Callable[[float], None] | None = None
         """Called with the simulated time before every step of the physics: a pilot or a flight script."""
+        self.after_step: Callable[[float], None] | None = None
+        """The same after every step."""
         self._step_s = 1.0 / step_hz
         self._clock = clock
         self._random = random.Random(seed + 2)
         self._dark_until_s: float | None = None
         self._thread: threading.Thread | None = None
+        self._pace = (0.0, 0.0)
+        """(clock's time, simulated time) at one moment."""
         self._stop = threading.Event()
         self._endpoint = Endpoint(connection, system_id, component_id)
         self._later: list[tuple[float, Peer, Any]] = []
@@ -94,6 +102,14 @@ class SimulatedAutopilot:
         return self.vehicle.time_s
 
     @property
+    def now_s(self) -> float:
+        """Simulated time at this moment, which the physics has not quite reached yet; ``time_s`` when driven."""
+        if self._thread is None:
+            return self.time_s
+        started, origin = self._pace
+        return origin + (self._clock() - started) * self.speed
+
+    @property
     def commands(self) -> list[ReceivedCommand]:
         """Commands received so far, oldest first."""
         with self.lock:
@@ -101,6 +117,7 @@ class SimulatedAutopilot:
 
     def start(self) -> None:
         """Run in a thread of its own, ``speed`` times as fast as the clock."""
+        self._pace = (self._clock(), self.time_s)
         self._thread = threading.Thread(target=self._run, name="simulated-autopilot", daemon=True)
         self._thread.start()
 
@@ -163,6 +180,8 @@ class SimulatedAutopilot:
                 self._steps += 1
                 self.vehicle.time_s = self._started_s + self._steps * self._step_s
                 self.sensors.step(self._step_s)
+                if self.after_step is not None:
+                    self.after_step(self.time_s)
                 self._stream()
             self._answer(until_s)
             for due in [entry for entry in self._later if entry[0] <= until_s]:
@@ -171,13 +190,12 @@ class SimulatedAutopilot:
             self._flush(until_s)
 
     def _run(self) -> None:
-        started, origin = self._clock(), self.time_s
         while not self._stop.is_set():
-            now = origin + (self._clock() - started) * self.speed
-            if now - self.time_s > 1.0:
+            now = self.now_s
+            if now - self.time_s > LONGEST_LAG_S * self.speed:
                 # The machine slept or is too slow: time stretches rather than bursts.
-                started, origin = self._clock(), self.time_s
-                now = origin
+                self._pace = (self._clock(), self.time_s)
+                now = self.time_s
             self.advance(now)
             wait = (self._started_s + (self._steps + 1) * self._step_s - now) / self.speed
             select.select(self._endpoint.sockets(), [], [], max(wait, 0.0))

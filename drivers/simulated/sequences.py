@@ -63,11 +63,13 @@ def plane_sequence(
     distance: float = 2.0,
     texture_m: float = 4.0,
     fine: bool = True,
+    samples: int | None = None,
 ) -> PlaneSequence:
     """A sequence over a plane of ``slope_deg`` along the camera's ``axis``.
 
     Sideways (``motion`` "x" or "y") the ventral flow is ``omega`` a frame at every frame; along the axis the camera
-    approaches at a constant speed with ``tau`` frames to contact at the first picture (needs n < tau).
+    approaches at a constant speed with ``tau`` frames to contact at the first picture (needs n < tau). ``fine`` and
+    ``samples`` are the renderer's.
     """
     if motion == "z" and n >= tau:
         raise DriverError(f"{n} frames along the axis need more than {tau} frames to contact at the start")
@@ -77,7 +79,7 @@ def plane_sequence(
     bearing = 270.0 if axis == "x" else 0.0
     world = World(ramp(inclination_deg=slope_deg, uphill_deg=bearing, material=texture, texture_m=texture_m))
     lens = Lens.from_fov(width, height, fov_deg)
-    renderer = Renderer(world, lens, fine=fine, texture_seed=seed)
+    renderer = Renderer(world, lens, fine=fine, samples=samples, texture_seed=seed)
     rng = np.random.default_rng([seed, 77])
     # Start anywhere on the texture: repetitions (and so seeds) differ.
     east, south = rng.uniform(-0.5, 0.5, 2) * texture_m

@@ -98,6 +98,8 @@ class Multirotor:
     airframe: Airframe = field(default_factory=Airframe)
     wind: Wind = field(default_factory=Wind)
     ground: Ground = level_ground
+    highest_ground: float = math.inf
+    """Height that no ground reaches: above it the ground is not asked for."""
     seed: int = 1
     position: Vector = (0.0, 0.0, 0.0)
     velocity: Vector = (0.0, 0.0, 0.0)
@@ -186,6 +188,8 @@ class Multirotor:
             p[2] + 0.5 * (v[2] + new[2]) * dt,
         )
         self.velocity = new
+        if -self.position[2] - body.leg_m > self.highest_ground:
+            return
         if self.height_above_ground < body.leg_m and self._sinking_into_ground():
             self._touch()
 
