@@ -3,14 +3,14 @@
 import shutil
 from pathlib import Path
 
-import flight_edits
+import folder_edits
 import pytest
 
 
 @pytest.fixture(scope="session")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The first three seconds of a recorded flight; not to be changed."""
-    return flight_edits.short_flight(tmp_path_factory.mktemp("recorded") / "flight")
+    return folder_edits.short_flight(tmp_path_factory.mktemp("recorded") / "flight")
 
 
 @pytest.fixture
