@@ -22,6 +22,7 @@ from companion.errors import SettingsError
 from companion.settings import FilePath, Settings
 from landing.options import Limits
 
+T = typing.TypeVar("T")
 DEFAULT = "default"
 OVERRIDE = "--set"
 
@@ -95,6 +96,24 @@ def load(file: Path | None, overrides: Sequence[str] = ()) -> LoadedSettings:
     if faults:
         raise SettingsError("\n".join(faults))
     return LoadedSettings(_build(Settings, "", values), origins, file)
+
+
+def read_section(section: type[T], table: dict[str, Any], where: str, directory: Path = Path()) -> T:
+    """Any dataclass of bounded fields from a TOML table, checked as the settings are.
+
+    Raises SettingsError with one line for every fault, each beginning with ``where``.
+    """
+    known = {entry.path: entry for entry in entries(section)}
+    values: dict[str, Any] = {}
+    faults: list[str] = []
+    for path, raw in _flatten(table, known):
+        try:
+            values[path] = _checked(known, path, raw, directory)
+        except ValueError as fault:
+            faults.append(f"{where}: {fault}")
+    if faults:
+        raise SettingsError("\n".join(faults))
+    return typing.cast(T, _build(section, "", values))
 
 
 def value_of(settings: Settings, path: str) -> Any:

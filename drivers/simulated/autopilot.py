@@ -21,7 +21,6 @@ from drivers.simulated.sensors import SensorErrors, Sensors
 from drivers.simulated.telemetry_streams import Origin, TelemetryStreams
 from drivers.simulated.vehicle import Multirotor
 
-
 LONGEST_LAG_S = 1.0
 """Physics that falls behind the clock by more than this does not catch up."""
 

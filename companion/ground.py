@@ -1,0 +1,52 @@
+"""What the simulated ground is truly like where somebody lands, or says that one may."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from drivers.simulated.truth import FrameTruth
+from drivers.simulated.world import World
+
+Fitness = Literal["fit", "unfit", "between"]
+
+EVEN, UNEVEN = 0.003, 0.015
+"""Relief over distance of ground that is plainly even, and plainly not."""
+SLOPE_MARGIN_DEG = 2.0
+"""Plainly fit is gentler than the limit by this, plainly unfit steeper by this."""
+PATCH_M = 0.5
+"""Half the side of the ground that is looked at under a vehicle."""
+PATCH_POINTS = 9
+
+
+@dataclass(frozen=True, slots=True)
+class Patch:
+    """The ground below a place: its best-fit plane's inclination, the largest height over or under that plane."""
+
+    north_m: float
+    east_m: float
+    inclination_deg: float
+    deviation_m: float
+
+
+def patch(world: World, north: float, east: float, half_m: float = PATCH_M) -> Patch:
+    """The ground within a square about a place."""
+    axis = np.linspace(-half_m, half_m, PATCH_POINTS)
+    points = [(n, e, world.height_at(north + n, east + e)) for n in axis for e in axis]
+    table = np.array(points)
+    design = np.column_stack([table[:, :2], np.ones(len(table))])
+    plane, *_ = np.linalg.lstsq(design, table[:, 2], rcond=None)
+    rest = float(np.abs(table[:, 2] - design @ plane).max())
+    return Patch(north, east, math.degrees(math.atan(math.hypot(plane[0], plane[1]))), rest)
+
+
+def fitness(truth: FrameTruth, max_inclination_deg: float) -> Fitness:
+    """Whether the ground in view at a frame is plainly fit for landing, plainly unfit, or neither."""
+    if not math.isfinite(truth.relief):
+        return "unfit"
+    if truth.relief >= UNEVEN or truth.fit_inclination_deg >= max_inclination_deg + SLOPE_MARGIN_DEG:
+        return "unfit"
+    if truth.relief <= EVEN and truth.fit_inclination_deg <= max_inclination_deg - SLOPE_MARGIN_DEG:
+        return "fit"
+    return "between"

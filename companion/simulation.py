@@ -1,0 +1,289 @@
+"""A scenario flown closed loop with the real daemon: MAVLink over a socket, MAVSDK, zenoh, threads and all."""
+
+import os
+import socket
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import cv2
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.daemon import Daemon
+from companion.errors import LandslopeError
+from companion.flight_result import FlightResult, PathPoint, Request
+from companion.ground import fitness, patch
+from companion.lockstep import PATH_EVERY_S, STANDS_S, flight_settings
+from companion.messages import TOPICS, Event
+from companion.publisher import endpoints
+from companion.scenario import Scenario
+from companion.scene import Scene, sensor_errors
+from companion.settings import Settings
+from drivers import host_clock
+from drivers.bus import Delivery, Subscription
+from drivers.cameras.interface import Camera, Notify, ReaderLimits
+from drivers.cameras.reader import ReaderCamera
+from drivers.errors import DriverError
+from drivers.simulated.autopilot import LinkFaults, SimulatedAutopilot
+from drivers.simulated.live_camera import SimulatedGrabber
+
+READY_S = 20.0
+"""How long MAVSDK, link and camera may take to find each other."""
+SETTLE_S = 1.0
+"""Simulated time that the vehicle hangs still once they have."""
+STEP_HZ = 250.0
+POLL_S = 0.05
+DRAIN_S = 0.5
+TYPES = {topic.name: topic.type for topic in TOPICS if topic.type is not None}
+NAV_LAND = 21
+
+Progress = Callable[[float, float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class LiveOptions:
+    """How a flight is flown."""
+
+    speed: float = 1.0
+    """Simulated over real time."""
+    record: Path | None = None
+    """Where a flight folder is left."""
+    watch: bool = False
+    """Keep the vehicle's name and its bus as the settings say, for others to watch."""
+
+
+def fly_live(
+    scenario: Scenario,
+    config: Path | None = None,
+    overrides: Sequence[str] = (),
+    options: LiveOptions | None = None,
+    progress: Progress = lambda done, total: None,
+) -> FlightResult:
+    """Fly a scenario to its end, or until KeyboardInterrupt; what happened."""
+    options = options or LiveOptions()
+    cv2.setNumThreads(1)
+    with ExitStack() as stack:
+        directory = Path(stack.enter_context(TemporaryDirectory()))
+        stack.callback(host_clock.run_at, 1.0)
+        host_clock.run_at(options.speed)
+        scene = Scene(scenario)
+        settings = flight_settings(scenario, scene, directory, config, overrides)
+        flight = _LiveFlight(scenario, scene, settings, options, stack)
+        return flight.run(progress)
+
+
+class _LiveFlight:
+    def __init__(
+        self, scenario: Scenario, scene: Scene, settings: Settings, options: LiveOptions, stack: ExitStack
+    ) -> None:
+        self._scenario, self._scene = scenario, scene
+        self._limit_deg = settings.decision.max_inclination_deg
+        link = scenario.link
+        self._autopilot = SimulatedAutopilot(
+            "udpin:127.0.0.1:0",
+            scene.vehicle,
+            errors=sensor_errors(scenario),
+            link=LinkFaults((link.delay_min_s, max(link.delay_min_s, link.delay_max_s)), link.loss),
+            since_boot_s=link.since_boot_s,
+            step_hz=STEP_HZ,
+            speed=options.speed,
+            seed=scenario.basics.seed,
+        )
+        stack.callback(self._autopilot.stop)
+        self._autopilot.set_answer(NAV_LAND, link.land_answer)
+        self._autopilot.before_step = self._before_step
+        self._autopilot.after_step = lambda time_s: scene.poses.add(scene.vehicle)
+        self._pilot = scene.begin(self._autopilot.controller)
+        self._zero_s: float | None = None
+        self._path_due_s = 0.0
+        self._rebooted = False
+        self._exposures: deque[tuple[int, float]] = deque(maxlen=400)
+        self.result = FlightResult(scenario.name)
+        settings = _wired(settings, self._autopilot.port, options)
+        self._daemon = Daemon(settings, self._open_camera)
+        self._failure: BaseException | None = None
+        self._thread = threading.Thread(target=self._run_daemon, name="daemon", daemon=True)
+        reach = replace(settings.zenoh, mode="peer", listen=(), connect=settings.zenoh.listen[:1])
+        self._watcher = stack.enter_context(
+            Subscription(endpoints(reach), settings.vehicle.name, tuple(TYPES))
+        )
+
+    def run(self, progress: Progress) -> FlightResult:
+        started = time.perf_counter()
+        self._autopilot.start()
+        self._thread.start()
+        try:
+            self._await_ready()
+            self._begin()
+            self._watch_to_the_end(progress)
+        finally:
+            self._daemon.stop()
+            self._thread.join()
+        self._drain(DRAIN_S)
+        self._raise_failure()
+        result, vehicle = self.result, self._scene.vehicle
+        result.duration_s = vehicle.time_s - (self._zero_s or 0.0)
+        if vehicle.touch_downs:
+            touch = vehicle.touch_downs[0]
+            result.touch_down = replace(touch, time_s=touch.time_s - (self._zero_s or 0.0))
+            result.touch_ground = patch(self._scene.world, touch.position[0], touch.position[1])
+        result.elapsed_s = time.perf_counter() - started
+        sent = sum(c.command == NAV_LAND for c in self._autopilot.commands)
+        if (
+            sent < len(result.requests)
+            and self._scenario.link.land_answer == "normal"
+            and not self._scenario.faults
+        ):
+            result.problems.append(f"{len(result.requests)} landings were requested, {sent} commands came")
+        return result
+
+    # -- the daemon and what stands around it ------------------------------------------------------------
+
+    def _run_daemon(self) -> None:
+        try:
+            self._daemon.run()
+        except (LandslopeError, DriverError) as error:
+            self._failure = error
+
+    def _raise_failure(self) -> None:
+        if self._failure is not None:
+            raise self._failure
+
+    def _open_camera(self, notify: Notify) -> Camera:
+        camera = self._scenario.camera
+        lag_s = camera.latency_s + 0.5 * (camera.exposure_s + camera.readout_s)
+
+        def make() -> SimulatedGrabber:
+            return SimulatedGrabber(
+                self._picture,
+                lambda: self._autopilot.now_s,
+                lambda: self._scene.poses.newest_s,
+                rate_hz=camera.rate_hz,
+                late_s=camera.late_s,
+                lag_s=lag_s,
+            )
+
+        return ReaderCamera("simulated", make, ReaderLimits(), notify)
+
+    def _picture(self, number: int, time_s: float) -> NDArray[np.uint8] | None:
+        companion_us = host_clock.now_us() - round((self._autopilot.now_s - time_s) * 1e6)
+        self._exposures.append((companion_us, time_s))
+        return self._scene.picture(number, time_s, time_s - (self._zero_s or np.inf))
+
+    def _await_ready(self) -> None:
+        give_up = time.monotonic() + READY_S
+        while not (self._daemon.commander_connected and self._scene.poses.newest_s > SETTLE_S):
+            self._raise_failure()
+            if time.monotonic() > give_up:
+                raise LandslopeError(f"the daemon did not find the simulated autopilot within {READY_S:g} s")
+            self._drain(POLL_S)
+
+    def _begin(self) -> None:
+        with self._autopilot.lock:
+            zero_s = self._autopilot.time_s
+            self.result.epoch_us = host_clock.now_us() - round((self._autopilot.now_s - zero_s) * 1e6)
+            self._zero_s = zero_s
+
+    def _watch_to_the_end(self, progress: Progress) -> None:
+        vehicle, controller = self._scene.vehicle, self._autopilot.controller
+        zero_s = self._zero_s or 0.0
+        stood_from: float | None = None
+        while vehicle.time_s - zero_s < self._scenario.basics.duration_s:
+            self._raise_failure()
+            self._drain(POLL_S)
+            progress(vehicle.time_s - zero_s, self._scenario.basics.duration_s)
+            if not (self._pilot.flying and vehicle.on_ground and not controller.armed):
+                stood_from = None
+            elif stood_from is None:
+                stood_from = vehicle.time_s
+            elif vehicle.time_s - stood_from > STANDS_S:
+                return
+
+    # -- the vehicle's side: called by the physics -------------------------------------------------------
+
+    def _before_step(self, time_s: float) -> None:
+        if self._zero_s is None:
+            return
+        flown_s = time_s - self._zero_s
+        self._pilot.step(flown_s)
+        self._autopilot.link.silent = self._scene.fault("link_silent", flown_s) is not None
+        reboot = self._scene.fault("autopilot_reboot", flown_s)
+        if reboot is not None and not self._rebooted:
+            self._rebooted = True
+            self._autopilot.reboot(reboot.seconds)
+        if flown_s >= self._path_due_s:
+            self._path_due_s = flown_s + PATH_EVERY_S
+            self.result.path.append(self._point(flown_s))
+
+    def _point(self, flown_s: float) -> PathPoint:
+        v = self._scene.vehicle
+        n, e, d = v.position
+        return PathPoint(flown_s, n, e, -d, v.ground(n, e), self._autopilot.controller.mode)
+
+    # -- the watcher's side ------------------------------------------------------------------------------
+
+    def _drain(self, seconds: float) -> None:
+        """Take messages off the bus for a while."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0:
+            delivery = self._watcher.receive(left)
+            if delivery is not None and delivery.alive is None and self._zero_s is not None:
+                self._message(delivery)
+
+    def _message(self, delivery: Delivery) -> None:
+        kind = TYPES.get(delivery.topic)
+        if kind is None:
+            return
+        message = msgspec.json.decode(delivery.payload, type=kind)
+        self.result.add(message)
+        if isinstance(message, Event) and message.event == "landing_requested":
+            self._request(message)
+
+    def _request(self, event: Event) -> None:
+        """The truth of the frame that the request speaks of."""
+        camera = self._scenario.camera
+        exposed_s = [
+            s for us, s in self._exposures if abs(us + camera.late_s * 1e6 - event.time_unix_us) < 2e4
+        ]
+        zero_s = self._zero_s or 0.0
+        time_s = exposed_s[-1] if exposed_s else self._scene.vehicle.time_s
+        truth = self._scene.truth(event.frame or 0, time_s)
+        pose = self._scene.poses.at(time_s)
+        n, e, d = (float(x) for x in pose.position)
+        where = PathPoint(time_s - zero_s, n, e, -d, self._scene.world.height_at(n, e), "GUIDED")
+        self.result.requests.append(
+            Request(
+                time_s - zero_s,
+                event.frame or 0,
+                where,
+                truth,
+                fitness(truth, self._limit_deg),
+                patch(self._scene.world, n, e),
+            )
+        )
+
+
+def _wired(settings: Settings, port: int, options: LiveOptions) -> Settings:
+    """The settings with the simulated link, a bus that can be watched, and a name of this process's own."""
+    zenoh, vehicle, record = settings.zenoh, settings.vehicle, settings.record
+    if not zenoh.listen:
+        zenoh = replace(zenoh, listen=(f"tcp/127.0.0.1:{_free_tcp_port()}",))
+    if not options.watch:
+        vehicle = replace(vehicle, name=f"{vehicle.name}-simulated-{os.getpid()}")
+    if options.record is not None:
+        record = replace(record, directory=str(options.record), when="always")
+    mavlink = replace(settings.mavlink, connection=f"udpout:127.0.0.1:{port}")
+    return replace(settings, zenoh=zenoh, vehicle=vehicle, mavlink=mavlink, record=record)
+
+
+def _free_tcp_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
