@@ -10,6 +10,7 @@ from drivers.signing import read_key
 def link_options(settings: Settings, connection: str = "") -> LinkOptions:
     """Options of a link on ``connection``, or on ``mavlink.connection``. Raises DriverError on a bad signing key."""
     m = settings.mavlink
+    radio = {"RC_CHANNELS": m.state_rate_hz} if settings.landing.enable_rc_channel else {}
     return LinkOptions(
         connection=connection or m.connection,
         system_id=settings.vehicle.system_id,
@@ -20,8 +21,8 @@ def link_options(settings: Settings, connection: str = "") -> LinkOptions:
             "IMU": m.imu_rate_hz,
             "LOCAL_POSITION_NED": m.position_rate_hz,
             "EXTENDED_SYS_STATE": m.state_rate_hz,
-            "RC_CHANNELS": m.state_rate_hz,
-        },
+        }
+        | radio,
         forward=m.forward,
         signing_key=read_key(Path(m.signing_key)) if m.signing_key else None,
         timesync_interval_s=1 / m.timesync_rate_hz,

@@ -238,8 +238,8 @@ class Link:
                 self.rates.want(self._wanted(sample.autopilot))
         elif isinstance(sample, Attitude):
             if self._boot_us is not None and sample.boot_us < self._boot_us - REBOOT_BACK_US:
-                self.rates.forget()
-                self._event("autopilot_rebooted", "warning", "the autopilot rebooted", now_us)
+                self.rates.forget()  # the pipeline's clock tells of the reboot
+                self.counters["reboots"] += 1
             self._boot_us = sample.boot_us
         elif isinstance(sample, CommandAnswer):
             self.answers.append(sample)

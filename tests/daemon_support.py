@@ -28,8 +28,8 @@ PATIENCE_S = 15.0
 LINK_DELAY_US = 1000
 """Shortest delay between a message of the recording and its arrival."""
 
-FrameEdit = Callable[[float, np.ndarray], "np.ndarray | None"]
-"""(seconds into the cut, image) -> the image to show; None: nothing comes (the device is gone)."""
+FrameEdit = Callable[[float, np.ndarray], "np.ndarray | tuple[np.ndarray, int] | None"]
+"""(seconds into the cut, image) -> what to show, with a shift of its stamp (us); None: the device is gone."""
 
 
 def wait_for(condition: Callable[[], object], what: str, timeout_s: float = PATIENCE_S) -> None:
@@ -100,7 +100,8 @@ class PlayedGrabber:
             image = following[1] if self._edit is None else self._edit(following[0] / 1e6, following[1])
             if image is None:
                 raise DriverError("the test's camera is unplugged")
-            return Grab(image.copy(), self._clock.host_us(following[0]))
+            image, shift_us = image if isinstance(image, tuple) else (image, 0)
+            return Grab(image.copy(), self._clock.host_us(following[0]) + shift_us)
 
     def close(self) -> None:
         """Nothing to give back."""

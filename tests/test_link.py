@@ -161,7 +161,7 @@ def test_rates_are_asked_for_and_asked_again_after_a_reboot(bench) -> None:
             vehicle.send(attitude(600_000 + i))
         before = len(asked())
         vehicle.send(attitude(100))
-        wait_for(lambda: "autopilot_rebooted" in b.event_names(), "event")
+        wait_for(lambda: b.link.counters["reboots"] == 1, "reboot")
         wait_for(lambda: len(asked()) >= before + 2, "second request")
 
 

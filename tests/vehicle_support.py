@@ -84,6 +84,8 @@ class TestVehicle:
         self.commands: list[tuple[float, Any]] = []
         self.received: list[Any] = []
         self.received_raw: list[bytes] = []
+        self.beats: list[float] = []
+        """When heartbeats of the companion came (monotonic)."""
         self.landed_at: float | None = None
         self.armed = True
         self.mode = mode
@@ -206,7 +208,9 @@ class TestVehicle:
             message = self._parser.decode(bytearray(piece.data))
             self.received.append(message)
             name = message.get_type()
-            if name == "TIMESYNC" and message.tc1 == 0:
+            if name == "HEARTBEAT":
+                self.beats.append(time.monotonic())
+            elif name == "TIMESYNC" and message.tc1 == 0:
                 self.send(dialect.MAVLink_timesync_message(self.boot_us() * 1000, message.ts1))
             elif name == "COMMAND_LONG":
                 self.commands.append((self.play_s, message))

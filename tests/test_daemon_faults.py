@@ -1,0 +1,92 @@
+"""Faults in mid-flight, each a named edit of the recording: no landing in doubt, health says why, then it recovers."""
+
+from collections.abc import Callable
+
+import flight_edits as edits
+import pytest
+from daemon_support import DaemonBench, wait_for
+from flight_edits import During
+
+FAULT = During(0.3, 2.2)
+CUT = (0.0, 5.0)
+RECOVERY_S = 2.5
+"""From the end of the fault to the request to land: the dwell time and what the clocks and the tracks need."""
+
+CAMERA = {
+    "unplugged": (edits.unplugged(FAULT), "frames"),
+    "frozen": (edits.frozen(FAULT), "frames"),
+    "another size": (edits.half_size(FAULT), "frames"),
+}
+TELEMETRY = {
+    "attitude gap": (edits.without(FAULT, edits.ATTITUDE, edits.ATTITUDE_QUATERNION), "attitude"),
+    "attitude not finite": (edits.not_finite(FAULT), "attitude"),
+    "rate too low": (
+        edits.thinned(FAULT, 90, edits.ATTITUDE, edits.ATTITUDE_QUATERNION, edits.RAW_IMU),
+        "attitude",
+    ),
+    "landed state gap": (edits.without(During(-1.0, 2.2), edits.EXTENDED_SYS_STATE), "landed state"),
+}
+
+
+def check(bench: DaemonBench, problem: str, record: Callable[[str, object], None]) -> None:
+    commands = [t for t, c in bench.vehicle.commands if c.command == 21]
+    assert len(commands) == 1, "exactly one landing, after the fault"
+    assert commands[0] >= FAULT.end_s
+    record("recovery_s", round(commands[0] - FAULT.end_s, 2))
+    assert commands[0] < FAULT.end_s + RECOVERY_S
+    assert any(p.startswith(problem) for p in bench.problems()), bench.problems()
+    assert bench.of("health")[-1]["state"] == "ok", bench.of("health")[-1]["problems"]
+
+
+@pytest.mark.parametrize("fault", CAMERA)
+def test_camera(tmp_path, fault, record_property) -> None:
+    edit, problem = CAMERA[fault]
+    with DaemonBench(tmp_path, CUT, edit_frames=edit) as bench:
+        bench.play_to_end()
+        check(bench, problem, record_property)
+        counters = bench.counters()
+        assert counters["camera grabbed"] == sum(
+            count
+            for name, count in counters.items()
+            if name in ("camera delivered", "camera skipped", "camera waiting")
+            or name.startswith("camera refused")
+        )
+
+
+@pytest.mark.parametrize("fault", TELEMETRY)
+def test_telemetry(tmp_path, fault, record_property) -> None:
+    edit, problem = TELEMETRY[fault]
+    with DaemonBench(tmp_path, CUT, edit_telemetry=edit) as bench:
+        bench.play_to_end()
+        check(bench, problem, record_property)
+
+
+def test_frozen_camera_with_noise_is_never_fit(tmp_path) -> None:
+    # The picture stands still while the gyro says that the vehicle turns: nothing may be called fit.
+    when = During(0.3, 99.0)
+    with DaemonBench(tmp_path, (0.5, 4.0), edit_frames=edits.frozen(when, noise=1.0)) as bench:
+        bench.play_to_end()
+        assert not bench.vehicle.land_commands()
+        assert len(bench.of("estimate")) > 50
+
+
+def test_link_lost_and_back(tmp_path, record_property) -> None:
+    with DaemonBench(tmp_path, CUT) as bench:
+        bench.play()
+        wait_for(lambda: bench.vehicle.play_s >= FAULT.start_s, "start of the fault")
+        bench.vehicle.muted = True
+        wait_for(lambda: bench.vehicle.play_s >= FAULT.end_s, "end of the fault")
+        bench.vehicle.muted = False
+        assert bench.vehicle.played.wait(30)
+        check(bench, "attitude", record_property)
+
+
+def test_autopilot_reboot(tmp_path) -> None:
+    with DaemonBench(tmp_path, (0.0, 5.5), edit_telemetry=edits.rebooted(0.6, 0.8)) as bench:
+        bench.play_to_end()
+        assert len(bench.events("autopilot_rebooted")) == 1
+        commands = [t for t, c in bench.vehicle.commands if c.command == 21]
+        assert len(commands) == 1
+        assert commands[0] > 1.4
+        asked = [c for t, c in bench.vehicle.commands if c.command == 511 and t > 1.4]
+        assert {30, 27} <= {int(c.param1) for c in asked}, "rates are asked for again"

@@ -1,0 +1,108 @@
+"""Nuisances that must not keep a daemon from its work: each is refused and counted, and the landing still comes."""
+
+import threading
+import time
+from collections import Counter
+
+import flight_edits as edits
+import numpy as np
+from daemon_support import DaemonBench, wait_for
+from flight_edits import During
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+from vehicle_support import TestVehicle
+
+
+def test_every_frame_is_accounted_for(tmp_path) -> None:
+    """One frame lost, a stamp twice, a stamp backward, a frame of another size."""
+    seen: Counter[str] = Counter()
+
+    def edit(t: float, image: np.ndarray):
+        at = round(t * 30)
+        seen[f"{at}"] += 1
+        if at == 14:
+            return image, -33_333  # the stamp of the frame before
+        if at == 17:
+            return image, -90_000
+        return image[:120, :160] if at == 20 else image
+
+    with DaemonBench(tmp_path, (0.0, 4.0), edit_frames=edit) as bench:
+        bench.play_to_end(then_s=1.2)
+        counters = bench.counters()
+        assert counters["camera refused: stamp backward"] == 1
+        assert counters["camera refused: stamp repeated"] + counters["camera refused: stamp backward"] == 2
+        assert counters["camera refused: size changed"] == 1
+        assert counters["camera grabbed"] == sum(
+            counters[f"camera {name}"] for name in ("delivered", "skipped", "waiting")
+        ) + sum(count for name, count in counters.items() if name.startswith("camera refused"))
+        assert len(bench.vehicle.land_commands()) == 1
+
+
+def test_junk_on_the_link_is_counted_and_changes_nothing(tmp_path) -> None:
+    """Garbage, wrong checksums, foreign systems, an impostor, NaN, and answers to others' commands, all the time."""
+    nan = edits.not_finite(During(1.5, 1.55))
+    with DaemonBench(tmp_path, (0.0, 4.0), edit_telemetry=nan) as bench:
+        stop = threading.Event()
+        sent: Counter[str] = Counter()
+
+        def pester() -> None:
+            foreign = TestVehicle(bench.port, system=9)
+            impostor = TestVehicle(bench.port)
+            denied = dialect.MAVLink_command_ack_message(21, dialect.MAV_RESULT_ACCEPTED, 0, 0, 255, 190)
+            broken = bytearray(
+                dialect.MAVLink_attitude_message(1, 9, 9, 9, 9, 9, 9).pack(dialect.MAVLink(None, 1, 1))
+            )
+            broken[-1] ^= 0xFF
+            while not stop.wait(0.05):
+                bench.vehicle.send_bytes(b"\x00garbage\xfd\x09\x00")
+                bench.vehicle.send_bytes(bytes(broken))
+                bench.vehicle.send(denied)
+                foreign.send(dialect.MAVLink_attitude_message(1, 1, 1, 1, 0, 0, 0))
+                impostor.send(dialect.MAVLink_heartbeat_message(2, 3, 81, 0, 4, 3))
+                sent["rounds"] += 1
+            foreign.socket.close()
+            impostor.socket.close()
+
+        bench.play()
+        pest = threading.Thread(target=pester)
+        pest.start()
+        assert bench.vehicle.played.wait(30)
+        stop.set()
+        pest.join()
+        time.sleep(1.2)
+        assert len(bench.vehicle.land_commands()) == 1
+        counters = bench.counters()
+        rounds = sent["rounds"]
+        assert rounds > 20
+        assert counters["link refused: foreign system"] == rounds
+        assert counters["link refused: second sender"] == rounds
+        assert counters["link answers to others"] >= rounds
+        assert counters["link garbage bytes"] == rounds * (11 + len(bytes(40)))
+        assert counters["refused attitude: not_finite"] >= 4
+        assert len(bench.events("mavlink_refused")) == 2, "told once each, not every time"
+
+
+def test_pilot_switches_landing_on_and_off_by_radio(tmp_path) -> None:
+    settings = ("landing.enabled=false", "landing.enable_rc_channel=8")
+    with DaemonBench(tmp_path, (0.0, 5.0), settings=settings) as bench:
+        bench.play()
+
+        def radio(switch_us: int, until_s: float) -> None:
+            while bench.vehicle.play_s < until_s:
+                bench.vehicle.send(edits.rc_channels(switch_us))
+                time.sleep(0.1)
+
+        radio(1900, 1.6)  # on from the start: does not count
+        assert not bench.vehicle.land_commands()
+        radio(1000, 2.4)
+        assert not bench.vehicle.land_commands()
+        radio(1900, 3.4)
+        wait_for(bench.vehicle.land_commands, "landing")
+        radio(1000, 3.6)
+        assert bench.vehicle.played.wait(30)
+        assert len(bench.vehicle.land_commands()) == 1
+        names = [e["event"] for e in bench.of("event")]
+        assert (
+            names.index("landing_enabled")
+            < names.index("landing_requested")
+            < names.index("landing_disabled")
+        )
