@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import cv2
 
@@ -13,14 +13,15 @@ from companion.core import Core, LandRequest, Output, Processed
 from companion.history import History
 from companion.messages import Decision, Message, topic_of
 from companion.overlay import OverlayWriter
-from companion.plot import plot
-from companion.preview import PreviewPublisher
-from companion.publisher import Publisher
-from companion.replay_output import Outputs, write_event, write_message
+from companion.replay_output import LineFile, Outputs
 from companion.replay_source import PlainCamera, ReplaySource, open_source
 from companion.summary import Pace, summary
 from drivers.errors import DriverError
 from drivers.samples import Frame, Sample
+
+if TYPE_CHECKING:
+    from companion.preview import PreviewPublisher
+    from companion.publisher import Publisher
 
 PROGRESS_EVERY_FRAMES = 10
 FOLLOW_POLL_S = 0.05
@@ -80,6 +81,8 @@ def replay(job: ReplayJob, progress: Progress = lambda done, total: None) -> str
         damage = run.all()
         text = summary(job.name, run.history, source.settings.decision, run.pace)
     if job.outputs.plot is not None:
+        from companion.plot import plot
+
         plot(job.name, run.history, source.settings.decision, job.outputs.plot)
     return text if damage is None else f"{text}\n  stopped    {damage}"
 
@@ -100,17 +103,13 @@ class _Run:
             source.settings, source.camera, calibrated=source.calibrated, telemetry=source.telemetry
         )
         outputs = job.outputs
-        self._out = stack.enter_context(outputs.out.open("wb")) if outputs.out else None
-        self._events = stack.enter_context(outputs.events.open("wb")) if outputs.events else None
+        self._out = LineFile(outputs.out) if outputs.out else None
+        self._events = LineFile(outputs.events) if outputs.events else None
         self._video = OverlayWriter(outputs.video, source.camera) if outputs.video else None
-        if self._video:
-            stack.callback(self._video.close)
-        self._publisher = stack.enter_context(Publisher(source.settings)) if job.publish else None
-        self._preview = None
-        if self._publisher:
-            self._preview = PreviewPublisher(self._publisher.bus, source.settings.preview)
-            stack.callback(self._preview.close)
-            self._publisher.await_subscriber(SUBSCRIBER_WAIT_S)
+        for file in (self._out, self._events, self._video):
+            if file:
+                stack.callback(file.close)
+        self._publisher, self._preview = _published(job, source, stack)
         self._autopilot = _connected(job, source, stack)
 
     def all(self) -> DriverError | None:
@@ -168,9 +167,9 @@ class _Run:
     def _message(self, message: Message) -> None:
         self.history.add(message)
         if self._out and topic_of(message) == "estimate":
-            write_message(self._out, message)
+            self._out.message(message)
         if self._events:
-            write_event(self._events, message, self._last_decision)
+            self._events.event(message, self._last_decision)
         if isinstance(message, Decision):
             self._last_decision = message
             if self._video:
@@ -183,6 +182,21 @@ class _Run:
         while self._autopilot and self._autopilot.busy:
             time.sleep(FOLLOW_POLL_S)
             self._take_answers()
+
+
+def _published(
+    job: ReplayJob, source: ReplaySource, stack: ExitStack
+) -> "tuple[Publisher | None, PreviewPublisher | None]":
+    if not job.publish:
+        return None, None
+    from companion.preview import PreviewPublisher
+    from companion.publisher import Publisher  # zenoh, only for those who publish
+
+    publisher = stack.enter_context(Publisher(source.settings))
+    preview = PreviewPublisher(publisher.bus, source.settings.preview)
+    stack.callback(preview.close)
+    publisher.await_subscriber(SUBSCRIBER_WAIT_S)
+    return publisher, preview
 
 
 def _connected(job: ReplayJob, source: ReplaySource, stack: ExitStack) -> Autopilot | None:

@@ -1,9 +1,9 @@
 """Where a replay writes: paths for one flight or many, checked before the run, and the lines of its files."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
 
 import msgspec
 
@@ -68,18 +68,40 @@ def check_writable(outputs: Sequence[Outputs]) -> None:
             ) from None
 
 
-def write_message(file: BinaryIO, message: Message) -> None:
-    """One line of JSON."""
-    file.write(encode(message) + b"\n")
+class LineFile:
+    """A file of JSON lines; a disk that is full is a LandslopeError that names the file."""
 
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        with self._named():
+            self._file = path.open("wb")
 
-def write_event(file: BinaryIO, message: Message, before: Decision | None) -> None:
-    """An event as it is, a decision as the event ``decision`` when it says something new."""
-    if isinstance(message, Event):
-        write_message(file, message)
-    elif isinstance(message, Decision) and _substance(message) != (before and _substance(before)):
-        line = {"event": "decision", **msgspec.to_builtins(message)}
-        file.write(msgspec.json.encode(line) + b"\n")
+    def message(self, message: Message) -> None:
+        """Write one message."""
+        self._line(encode(message))
+
+    def event(self, message: Message, before: Decision | None) -> None:
+        """An event as it is, a decision as the event ``decision`` when it says something new."""
+        if isinstance(message, Event):
+            self.message(message)
+        elif isinstance(message, Decision) and _substance(message) != (before and _substance(before)):
+            self._line(msgspec.json.encode({"event": "decision", **msgspec.to_builtins(message)}))
+
+    def close(self) -> None:
+        """Write what is left and close."""
+        with self._named():
+            self._file.close()
+
+    def _line(self, line: bytes) -> None:
+        with self._named():
+            self._file.write(line + b"\n")
+
+    @contextmanager
+    def _named(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise LandslopeError(f"{self.path}: cannot be written: {error.strerror}") from None
 
 
 def _substance(decision: Decision) -> tuple[object, ...]:
