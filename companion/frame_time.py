@@ -26,8 +26,17 @@ class FrameTime:
 @dataclass(frozen=True, slots=True)
 class _Step:
     excess_us: int
+    stamp_us: int
     steady_us: int
     applied_us: int
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """Frames stamped from ``from_stamp_us`` on were ``by_us`` too late on the steady time line."""
+
+    from_stamp_us: int
+    by_us: int
 
 
 class FrameTimeline:
@@ -60,9 +69,10 @@ class FrameTimeline:
                 return "backward_stamp"
             jump_us = round(self._fallen[0] - self._last_us - self._period_us)
             self.shift_us += jump_us
-            self._steps.append(_Step(jump_us, stamp_us - self.shift_us, jump_us))
+            self._steps.append(_Step(jump_us, self._fallen[0], stamp_us - self.shift_us, jump_us))
         elif delta_us - self._period_us > self._step_min_us:
-            self._steps.append(_Step(round(delta_us - self._period_us), stamp_us - self.shift_us, 0))
+            excess_us = round(delta_us - self._period_us)
+            self._steps.append(_Step(excess_us, stamp_us, stamp_us - self.shift_us, 0))
         else:
             self._period_us += PERIOD_WEIGHT * (delta_us - self._period_us)
         self._fallen = []
@@ -73,15 +83,16 @@ class FrameTimeline:
         self._time_us = steady_us + self._lead_us
         return FrameTime(steady_us, self._time_us, jump_us)
 
-    def telemetry_jumped(self, jump_us: int) -> bool:
+    def telemetry_jumped(self, jump_us: int) -> Correction | None:
         """The telemetry's arrivals jumped: take the same step of the frames' stamps out, if they made it."""
         if self._last_us is None:
-            return False
+            return None
         newest_us = self._last_us - self.shift_us
         for step in reversed(self._steps):
             near = abs(step.excess_us - jump_us) < self._step_min_us
             if near and newest_us - step.steady_us < STEPS_KEPT_US:
-                self.shift_us += jump_us - step.applied_us
+                by_us = jump_us - step.applied_us
+                self.shift_us += by_us
                 self._steps.remove(step)
-                return True
-        return False
+                return Correction(step.stamp_us, by_us)
+        return None

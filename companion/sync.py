@@ -1,14 +1,14 @@
 """Frames and telemetry brought together: each frame leaves with the attitude at the middle of its exposure."""
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from companion.attitude import AttitudeBuffer, BodyAttitude
 from companion.clock import AutopilotClock, ClockChange
-from companion.frame_time import FrameTimeline
+from companion.frame_time import Correction, FrameTimeline
 from companion.settings import Settings
 from drivers.samples import AngularRate, Attitude, ClockOffset, Frame, Sample, Velocity
 
@@ -135,9 +135,11 @@ class Synchroniser:
             self._velocities.clear()
             notices.append(Notice("autopilot_rebooted", {}))
         elif arrival.change is ClockChange.JUMPED:
-            both = self.frame_time.telemetry_jumped(arrival.jump_us)
+            correction = self.frame_time.telemetry_jumped(arrival.jump_us)
+            if correction is not None:
+                self._correct_waiting(correction)
             jump_s = round(arrival.jump_us * 1e-6, 6)
-            notices.append(Notice("clock_jumped", {"jump_s": jump_s, "frames_too": both}))
+            notices.append(Notice("clock_jumped", {"jump_s": jump_s, "frames_too": correction is not None}))
             self.now_us = arrival.steady_us or self.now_us  # it may have run ahead with frames that jumped
         elif arrival.change is ClockChange.WRAPPED:
             notices.append(Notice("boot_time_wrapped", {}))
@@ -151,6 +153,15 @@ class Synchroniser:
             self._keep(sample, arrival.boot_us)
         else:
             self._refused.append((_INPUT[type(sample)], "boot_time_fell"))
+
+    def _correct_waiting(self, correction: Correction) -> None:
+        """Frames that came between a jump and its discovery move to where they belong."""
+        self._waiting = deque(
+            replace(w, steady_us=w.steady_us - correction.by_us)
+            if w.frame.stamp_us >= correction.from_stamp_us
+            else w
+            for w in self._waiting
+        )
 
     def _keep(self, sample: TelemetrySample, boot_us: int) -> None:
         if isinstance(sample, Attitude):
