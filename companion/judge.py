@@ -66,7 +66,7 @@ class Judge:
             text = f"surface {verdict.verdict}: {text}" if text else f"surface {verdict.verdict} for landing"
             details = {"verdict": verdict.verdict, "reasons": list(verdict.reasons)}
             out.append(event("decision_changed", estimate.frame, time_unix_us, text, details))
-        return out + self.decide(now_us, time_unix_us)
+        return out + self.decide(now_us, time_unix_us, seen=True)
 
     def no_frames(self, now_us: int, time_unix_us: int) -> list[Judgement]:
         """The camera went silent: what was last seen says nothing of what is below now."""
@@ -95,10 +95,12 @@ class Judge:
         """The autopilot rebooted: nothing it said of itself holds any more."""
         self._heartbeat = self._landed = None
 
-    def decide(self, now_us: int, time_unix_us: int, *, always: bool = False) -> list[Judgement]:
-        """Ask the permit, request a landing if it says so, and tell the decision when that is due."""
+    def decide(
+        self, now_us: int, time_unix_us: int, *, seen: bool = False, always: bool = False
+    ) -> list[Judgement]:
+        """Ask the permit and tell the decision when that is due; only what was just ``seen`` makes a request."""
         out: list[Judgement] = []
-        permit = self._step_permit(now_us, fit=self._verdict.verdict == "fit")
+        permit = self._step_permit(now_us, fit=seen and self._verdict.verdict == "fit")
         if permit.request:
             text = "the surface below is fit for landing"
             out += self._events_of(self._command.request(time_unix_us), text)
