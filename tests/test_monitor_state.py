@@ -13,10 +13,11 @@ from companion.monitor import words
 from companion.monitor.charts import CHARTS, series_of
 from companion.monitor.options import MonitorOptions
 from companion.monitor.page import view_of
-from companion.monitor.scene import scene_svg, tilt_of
+from companion.monitor.scene import scene_svg
 from companion.monitor.state import Watch
 from companion.monitor.tracks import counts, tracks_svg
 from companion.preview import Preview
+from companion.tilt import tilt_of
 from drivers.bus import Delivery
 
 OPTIONS = MonitorOptions(max_vehicles=3, max_events=5)

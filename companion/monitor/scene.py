@@ -1,12 +1,13 @@
 """The surface as a tilted plane under the vehicle, in perspective, as SVG."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from companion.messages import Estimate
+from companion.tilt import Tilt, tilt_of
+from landing.rotations import matrix_from_euler
 
 WIDTH, HEIGHT = 400, 300
 GRID_LINES = 7
@@ -16,35 +17,7 @@ EYE = np.array((-3.4, 1.7, -1.15))
 LOOK_AT = np.array((0.0, 0.0, 0.55))
 FOCAL = 440.0
 ARM = 0.34
-STEEPEST_DRAWN_DEG = 75.0
 COLOURS = {"fit": "#00702e", "unfit": "#b3001b", "unknown": "#4a4a4a"}
-
-
-@dataclass(frozen=True, slots=True)
-class Tilt:
-    """A plane under the vehicle: down = 1 + ahead * x + right * y, lengths over the distance to it."""
-
-    ahead: float
-    right: float
-
-
-def tilt_of(estimate: Estimate) -> Tilt | None:
-    """The plane's tilt seen from the vehicle's heading; None while the surface is unknown.
-
-    The direction is that of the per-axis angles (positive pitch rises ahead, positive roll falls to the
-    right), the amount the inclination, which is the number that decides.
-    """
-    pitch, roll, inclination = (
-        estimate.surface_pitch_deg,
-        estimate.surface_roll_deg,
-        estimate.inclination_deg,
-    )
-    if pitch is None or roll is None or inclination is None:
-        return None
-    ahead, right = -math.tan(_drawable(pitch)), math.tan(_drawable(roll))
-    length = math.hypot(ahead, right)
-    amount = math.tan(_drawable(inclination))
-    return Tilt(ahead * amount / length, right * amount / length) if length else Tilt(0.0, 0.0)
 
 
 def scene_svg(estimate: Estimate | None, verdict: str) -> str:
@@ -75,10 +48,6 @@ def project(points: NDArray[np.float64]) -> NDArray[np.float64]:
     seen = (points - EYE) @ np.stack((right, down, axis), axis=1)
     depth = np.maximum(seen[:, 2:], 0.1)
     return seen[:, :2] / depth * FOCAL + np.array((WIDTH / 2, HEIGHT / 2))
-
-
-def _drawable(angle_deg: float) -> float:
-    return math.radians(max(-STEEPEST_DRAWN_DEG, min(STEEPEST_DRAWN_DEG, angle_deg)))
 
 
 def _on_plane(tilt: Tilt, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -119,19 +88,7 @@ def _normal(tilt: Tilt, colour: str) -> str:
 
 
 def _vehicle(roll: float, pitch: float) -> str:
-    cos_roll, sin_roll, cos_pitch, sin_pitch = (
-        math.cos(roll),
-        math.sin(roll),
-        math.cos(pitch),
-        math.sin(pitch),
-    )
-    level_from_body = np.array(
-        (
-            (cos_pitch, sin_pitch * sin_roll, sin_pitch * cos_roll),
-            (0.0, cos_roll, -sin_roll),
-            (-sin_pitch, cos_pitch * sin_roll, cos_pitch * cos_roll),
-        )
-    )
+    level_from_body = matrix_from_euler(roll, pitch, 0.0)
     tips = np.array([(dx * ARM, dy * ARM, 0.0) for dx, dy in ((1, 1), (1, -1), (-1, -1), (-1, 1))])
     nose = np.array([(0.0, 0.0, 0.0), (1.4 * ARM, 0.0, 0.0)])
     turn = np.linspace(0, 2 * math.pi, 17)

@@ -1,0 +1,177 @@
+"""Foxglove's messages from landslope's: transforms, pose, surface, annotations, calibration, log."""
+
+import math
+
+import numpy as np
+from foxglove import messages as fox
+from numpy.typing import NDArray
+
+from companion.messages import Estimate, Event
+from companion.preview import Preview
+from companion.tilt import tilt_of
+from landing.camera import CameraModel
+from landing.rotations import log_so3, matrix_from_euler
+
+INLIER = fox.Color(r=0.0, g=0.9, b=0.35, a=1.0)
+OUTLIER = fox.Color(r=1.0, g=0.23, b=0.23, a=1.0)
+SURFACE_COLOURS = {
+    "fit": fox.Color(r=0.0, g=0.6, b=0.25, a=0.6),
+    "unfit": fox.Color(r=0.8, g=0.0, b=0.1, a=0.6),
+    "unknown": fox.Color(r=0.4, g=0.4, b=0.4, a=0.6),
+}
+LEVELS = {"info": fox.LogLevel.Info, "warning": fox.LogLevel.Warning, "error": fox.LogLevel.Error}
+ENU_FROM_NED = fox.Quaternion(x=math.sqrt(0.5), y=math.sqrt(0.5), z=0.0, w=0.0)
+MICROSECONDS = 1_000_000
+UNKNOWN_HEIGHT_M = 1.0
+"""Where the height is unknown the plane is drawn at this distance: its tilt is right, its size is not."""
+SURFACE_ID = "surface"
+# Both windings, so that the plane is seen from below too.
+QUAD = [0, 1, 2, 0, 2, 3, 0, 2, 1, 0, 3, 2]
+
+
+def stamp(time_unix_us: int) -> fox.Timestamp:
+    """A time of the companion's clock."""
+    return fox.Timestamp(sec=time_unix_us // MICROSECONDS, nsec=time_unix_us % MICROSECONDS * 1000)
+
+
+def quaternion(rotation: NDArray[np.float64]) -> fox.Quaternion:
+    """Of a rotation matrix (3, 3)."""
+    vector = log_so3(rotation)
+    angle = float(np.linalg.norm(vector))
+    x, y, z = vector * (math.sin(angle / 2) / angle if angle > 0 else 0.5)
+    return fox.Quaternion(x=x, y=y, z=z, w=math.cos(angle / 2))
+
+
+def vector(position: tuple[float, float, float]) -> fox.Vector3:
+    """Three numbers."""
+    return fox.Vector3(x=position[0], y=position[1], z=position[2])
+
+
+def transforms(
+    time_unix_us: int,
+    vehicle: str,
+    position_ned: tuple[float, float, float],
+    attitude: tuple[float, float, float],
+    camera: CameraModel | None,
+) -> fox.FrameTransforms:
+    """The tree of frames: enu (z up, for the onlooker) > ned > level (heading only) and body > camera.
+
+    ``position_ned`` in m, ``attitude`` roll, pitch, yaw in radians.
+    """
+    roll, pitch, yaw = attitude
+    at, when = vector(position_ned), stamp(time_unix_us)
+
+    def edge(parent: str, child: str, turn: fox.Quaternion, place: fox.Vector3 | None) -> fox.FrameTransform:
+        return fox.FrameTransform(
+            timestamp=when,
+            parent_frame_id=parent,
+            child_frame_id=f"{vehicle}/{child}",
+            translation=place or fox.Vector3(x=0.0, y=0.0, z=0.0),
+            rotation=turn,
+        )
+
+    edges = [
+        edge("enu", "ned", ENU_FROM_NED, None),
+        edge(f"{vehicle}/ned", "level", quaternion(matrix_from_euler(0.0, 0.0, yaw)), at),
+        edge(f"{vehicle}/ned", "body", quaternion(matrix_from_euler(roll, pitch, yaw)), at),
+    ]
+    if camera is not None:
+        edges.append(edge(f"{vehicle}/body", "camera", quaternion(camera.body_from_camera), None))
+    return fox.FrameTransforms(transforms=edges)
+
+
+def pose(
+    time_unix_us: int,
+    vehicle: str,
+    position_ned: tuple[float, float, float],
+    attitude: tuple[float, float, float],
+) -> fox.PoseInFrame:
+    """Where the vehicle is and how it is turned, NED."""
+    return fox.PoseInFrame(
+        timestamp=stamp(time_unix_us),
+        frame_id=f"{vehicle}/ned",
+        pose=fox.Pose(position=vector(position_ned), orientation=quaternion(matrix_from_euler(*attitude))),
+    )
+
+
+def surface(estimate: Estimate, vehicle: str, verdict: str) -> fox.SceneUpdate:
+    """The plane under the vehicle in its heading, as wide as it is far; taken away while it is unknown."""
+    tilt, when = tilt_of(estimate), stamp(estimate.time_unix_us)
+    if tilt is None:
+        gone = fox.SceneEntityDeletion(
+            timestamp=when, type=fox.SceneEntityDeletionType.MatchingId, id=f"{vehicle}/{SURFACE_ID}"
+        )
+        return fox.SceneUpdate(deletions=[gone])
+    height = UNKNOWN_HEIGHT_M if estimate.height_m is None else estimate.height_m
+    corners = [
+        fox.Point3(x=height * x, y=height * y, z=height * (1 + tilt.ahead * x + tilt.right * y))
+        for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))
+    ]
+    plane = fox.TriangleListPrimitive(
+        points=corners, indices=QUAD, color=SURFACE_COLOURS.get(verdict, SURFACE_COLOURS["unknown"])
+    )
+    entity = fox.SceneEntity(
+        timestamp=when,
+        frame_id=f"{vehicle}/level",
+        id=f"{vehicle}/{SURFACE_ID}",
+        triangles=[plane],
+        metadata=[fox.KeyValuePair(key="height known", value=str(estimate.height_m is not None))],
+    )
+    return fox.SceneUpdate(entities=[entity])
+
+
+def image(time_unix_us: int, vehicle: str, jpeg: bytes) -> fox.CompressedImage:
+    """A JPEG."""
+    return fox.CompressedImage(
+        timestamp=stamp(time_unix_us), frame_id=f"{vehicle}/camera", data=jpeg, format="jpeg"
+    )
+
+
+def annotations(preview: Preview) -> fox.ImageAnnotations:
+    """The tracks as lines over the image, inliers and outliers apart."""
+    when = stamp(preview.time_unix_us)
+    found = []
+    for kind, colour in ((True, INLIER), (False, OUTLIER)):
+        ends = [
+            fox.Point2(x=x, y=y)
+            for (x0, y0, x1, y1), inlier in zip(preview.tracks, preview.inlier, strict=True)
+            if inlier is kind
+            for x, y in ((x0, y0), (x1, y1))
+        ]
+        found.append(
+            fox.PointsAnnotation(
+                timestamp=when,
+                type=fox.PointsAnnotationType.LineList,
+                points=ends,
+                outline_color=colour,
+                thickness=1.0,
+                metadata=[fox.KeyValuePair(key="tracks", value="inliers" if kind else "outliers")],
+            )
+        )
+    return fox.ImageAnnotations(timestamp=when, points=found)
+
+
+def calibration(time_unix_us: int, vehicle: str, camera: CameraModel) -> fox.CameraCalibration:
+    """The camera's model, as ROS and Foxglove have it."""
+    k = camera.matrix
+    return fox.CameraCalibration(
+        timestamp=stamp(time_unix_us),
+        frame_id=f"{vehicle}/camera",
+        width=camera.width,
+        height=camera.height,
+        distortion_model="plumb_bob" if camera.distortion.size <= 5 else "rational_polynomial",
+        D=camera.distortion.tolist(),
+        K=k.ravel().tolist(),
+        R=np.eye(3).ravel().tolist(),
+        P=np.hstack([k, np.zeros((3, 1))]).ravel().tolist(),
+    )
+
+
+def log(event: Event) -> fox.Log:
+    """An event as a line of a log."""
+    return fox.Log(
+        timestamp=stamp(event.time_unix_us),
+        level=LEVELS.get(event.severity, fox.LogLevel.Unknown),
+        message=event.text,
+        name=event.event,
+    )
