@@ -55,7 +55,7 @@ class GroundReport:
         if isinstance(message, Health):
             return self._health_change(message)
         if isinstance(message, Event) and message.event.startswith(TOLD_EVENTS):
-            return [_text(message.severity, message.text)]
+            return [_text(message.severity, message.text.removeprefix("command to "))]
         return []
 
     def _decision(self, decision: Decision) -> list[Any]:

@@ -144,7 +144,7 @@ class DaemonBench:
         edit_frames: FrameEdit | None = None,
         edit_telemetry: Callable[[float, bytes], list[bytes]] | None = None,
         settings: tuple[str, ...] = (),
-        daemon: bool = True,
+        listen: bool = True,
     ) -> None:
         self.clock = PlayClock()
         self.port = free_udp_port()
@@ -166,9 +166,10 @@ class DaemonBench:
         self.vehicle.set_boot_us(LINK_DELAY_US - least)
         self._frames = recorded_frames(*cut)
         self._edit_frames = edit_frames
-        self._endpoints = Endpoints(connect=(f"tcp/127.0.0.1:{zenoh_port}",))
+        self._watched = listen
+        self.alive = False
+        self.endpoints = Endpoints(connect=(f"tcp/127.0.0.1:{zenoh_port}",))
         self._closing = threading.Event()
-        self._threads: list[threading.Thread] = []
 
     def camera(self, notify: Notify) -> Camera:
         """The recording's frames behind the reader that real cameras have."""
@@ -180,22 +181,26 @@ class DaemonBench:
     def __enter__(self) -> "DaemonBench":
         self.vehicle.__enter__()
         self.daemon = Daemon(self.settings, self.camera)
-        self.subscription = Subscription(self._endpoints, self.settings.vehicle.name)
-        for target in (self.daemon.run, self._listen):
-            thread = threading.Thread(target=target, daemon=True)
-            thread.start()
-            self._threads.append(thread)
+        self.daemon_thread = threading.Thread(target=self.daemon.run, daemon=True)
+        self.daemon_thread.start()
+        if self._watched:
+            self._listener = threading.Thread(target=self._listen, daemon=True)
+            self._listener.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self.clock.over = True
         self.daemon.stop()
-        self._threads[0].join(timeout=PATIENCE_S)
+        self.join(PATIENCE_S)
         self._closing.set()
-        self._threads[1].join(timeout=PATIENCE_S)
-        self.subscription.close()
+        if self._watched:
+            self._listener.join(timeout=PATIENCE_S)
         self.vehicle.__exit__()
-        assert not self._threads[0].is_alive(), "the daemon does not end"
+
+    def join(self, timeout_s: float) -> None:
+        """Wait for the daemon's end."""
+        self.daemon_thread.join(timeout=timeout_s)
+        assert not self.daemon_thread.is_alive(), "the daemon does not end"
 
     def play(self) -> None:
         """Begin, once MAVSDK has found the vehicle."""
@@ -230,7 +235,12 @@ class DaemonBench:
         return self.of("health")[-1]["counters"]
 
     def _listen(self) -> None:
-        while not self._closing.is_set():
-            delivery = self.subscription.receive(0.1)
-            if delivery is not None and delivery.alive is None and delivery.topic != "preview":
-                self.messages.append((delivery.topic, msgspec.json.decode(delivery.payload)))
+        with Subscription(self.endpoints, self.settings.vehicle.name) as subscription:
+            while not self._closing.is_set():
+                delivery = subscription.receive(0.1)
+                if delivery is None or delivery.topic == "preview":
+                    continue
+                if delivery.alive is not None:
+                    self.alive = delivery.alive
+                else:
+                    self.messages.append((delivery.topic, msgspec.json.decode(delivery.payload)))
