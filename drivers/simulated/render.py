@@ -31,7 +31,9 @@ AMBIENT = 0.55
 
 @dataclass(frozen=True)
 class _Atlas:
-    """All pyramids in one picture: texel (0, 0) of level k of texture m stands at (column[m, k], row[m, k])."""
+    """All pyramids in one picture: the upper left corner of level k of texture m stands, in cv2's coordinates, at
+    (column, row)[m * levels + k].
+    """
 
     picture: Image
     column: Image
@@ -52,9 +54,10 @@ def _atlas(materials: list[str], seed: int, size: int) -> _Atlas:
         for k, level in enumerate(stack):
             n = len(level)
             picture[y : y + n + 2, x : x + n + 2] = np.pad(level, 1, mode="wrap")
-            column[m, k], row[m, k] = x + 1, y + 1
+            # One texel of margin, and half a texel from a corner to the middle.
+            column[m, k], row[m, k] = x + 0.5, y + 0.5
             x, y = (m * width + size + 2, 0) if k == 0 else (x, y + n + 2)
-    return _Atlas(picture, column, row, size, levels)
+    return _Atlas(picture, column.ravel(), row.ravel(), size, levels)
 
 
 class Renderer:
@@ -95,12 +98,14 @@ class Renderer:
                 [self._sx.max(), self._sy.max(), 1],
             ]
         ).T
-        self._material = np.array([names.index(f.material) for f in world.facets])
+        self._place = np.array(
+            [names.index(f.material) * self._atlas.levels for f in world.facets], dtype=np.int32
+        )
         self._repeat = np.array([1.0 / f.texture_m for f in world.facets])
         self._u_axis = np.stack([f.u_axis for f in world.facets])
         self._v_axis = np.stack([f.v_axis for f in world.facets])
         light = AMBIENT + (1 - AMBIENT) * np.maximum(world.normals @ SUN, 0)
-        self._gain = light / (AMBIENT + (1 - AMBIENT) * SUN[2] * -1)
+        self._gain = (light / (AMBIENT + (1 - AMBIENT) * SUN[2] * -1)).astype(np.float32)
         self._pixel = 1.0 / lens.focal_px
 
     def image(self, position: Array, ned_from_camera: Array) -> Image:
@@ -251,9 +256,9 @@ class Renderer:
         return bounds.tolist()
 
     def _coefficients(self, position: Array, ned_from_camera: Array) -> Image:
-        """(n + 1, 11) float32 a facet: 1/Z (3), texture u (3) and v (3) a metre of depth, u and v under the camera.
+        """(11, n + 1) float32, a column a facet: 1/Z (3), texture u (3) and v (3) a metre of depth, u and v below.
 
-        In repetitions of the texture; the last row stands for the sky.
+        u and v count repetitions of the texture; the last column stands for the sky.
         """
         world = self.world
         n = len(world.facets)
@@ -267,7 +272,7 @@ class Renderer:
         out[:n, 9] = self._repeat * (self._u_axis @ position) % 1.0
         out[:n, 10] = self._repeat * (self._v_axis @ position) % 1.0
         out[n, 2] = 1.0
-        return out.astype(np.float32)
+        return np.ascontiguousarray(out.T, dtype=np.float32)
 
     def _shade(self, coefficients: Image, ids: NDArray[np.int32], x: Image, y: Image, pixel: float) -> Image:
         """Grey values (m,) of rays (x, y, 1) on known facets; ``pixel`` is the width of a sample in x."""
@@ -275,13 +280,13 @@ class Renderer:
         if only == -1:
             return np.full(len(ids), SKY, dtype=np.float32)
         if only is None:
-            c = [np.take(coefficients[:, i], ids) for i in range(11)]
-            material = self._material[ids]
-            gain = self._gain.astype(np.float32)[ids]
+            c = [np.take(column, ids, mode="wrap") for column in coefficients]
+            place = np.take(self._place, ids, mode="wrap")
+            gain = np.take(self._gain, ids, mode="wrap")
         else:
-            c = list(coefficients[only])
-            material = self._material[only]
-            gain = np.float32(self._gain[only])
+            c = list(coefficients[:, only])
+            place = self._place[only]
+            gain = self._gain[only]
         z = np.maximum(c[0] * x + c[1] * y + c[2], np.float32(1e-6))
         np.reciprocal(z, out=z)
         u: Image = (c[3] * x + c[4] * y + c[5]) * z
@@ -301,21 +306,25 @@ class Renderer:
         v += c[10]
         u -= np.floor(u)
         v -= np.floor(v)
-        grey = self._look_up(u, v, material, lower)
-        grey += (self._look_up(u, v, material, lower + 1) - grey) * blend
+        size = np.ldexp(np.float32(atlas.size), -lower)
+        place = place + lower
+        grey = self._look_up(u, v, size, place)
+        size *= np.float32(0.5)
+        place += 1
+        grey += (self._look_up(u, v, size, place) - grey) * blend
         grey *= gain
         np.clip(grey, 0, 255, out=grey)
         if only is None and (ids < 0).any():
             grey[ids < 0] = SKY
         return grey
 
-    def _look_up(
-        self, u: Image, v: Image, material: NDArray[np.int64] | np.int64, level: NDArray[np.int32]
-    ) -> Image:
+    def _look_up(self, u: Image, v: Image, size: Image, place: NDArray[np.int32]) -> Image:
+        """Grey values at repetitions (u, v) in the atlas's part number ``place``, ``size`` texels wide."""
         atlas = self._atlas
-        size = np.ldexp(np.float32(atlas.size), -level)
-        at_x = u * size + (atlas.column[material, level] - np.float32(0.5))
-        at_y = v * size + (atlas.row[material, level] - np.float32(0.5))
+        at_x = u * size
+        at_x += np.take(atlas.column, place)
+        at_y = v * size
+        at_y += np.take(atlas.row, place)
         # cv2.remap takes at most 32766 columns: long lists go in as several rows.
         count, width = len(at_x), 8192
         if count > width:
