@@ -54,9 +54,10 @@ class FlightResult:
     requests: list[Request] = field(default_factory=list)
     touch_down: TouchDown | None = None
     touch_ground: Patch | None = None
-    fit_time_s: float = 0.0
-    """How long plainly fit ground was in view while a landing was permitted but for the surface."""
-    first_fit_s: float | None = None
+    longest_fit_s: float = 0.0
+    """Longest time for which plainly fit ground was in view without a break, where that was followed."""
+    unfit_seen: bool = False
+    """Whether plainly unfit ground was ever in view."""
     folder: Path | None = None
     """The flight folder that was recorded."""
     problems: list[str] = field(default_factory=list)

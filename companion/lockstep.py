@@ -45,8 +45,8 @@ class LockstepOptions:
 
     truth_every: int = 0
     """Every so many frames the truth is computed, to know how long fit ground was in view; 0: never."""
-    blind_after_request: bool = False
-    """After the request no frames are rendered any more: the vehicle just lands."""
+    stop_at_request: bool = False
+    """The first request ends the flight."""
     record: Path | None = None
     """Leave a flight folder with the truth of every frame here (which costs as much as a frame)."""
 
@@ -110,6 +110,7 @@ class _Flight:
         self._truths: deque[tuple[int, float]] = deque(maxlen=200)
         self._next_frame = 0
         self._rebooted = False
+        self._fit_s = 0.0
 
     def run(self, progress: Progress) -> FlightResult:
         started = time.perf_counter()
@@ -132,6 +133,8 @@ class _Flight:
                 progress(vehicle.time_s, self._scenario.basics.duration_s)
             if vehicle.on_ground and not self._controller.armed and self._pilot.flying:
                 stood_s += dt
+            if result.requests and self._options.stop_at_request:
+                break
         self._pipeline.finish()
         result.duration_s = vehicle.time_s
         if vehicle.touch_downs:
@@ -158,8 +161,6 @@ class _Flight:
             return
         number = self._next_frame
         self._next_frame += 1
-        if self._options.blind_after_request and self.result.requests:
-            return
         image = self._scene.picture(number, due_s, due_s)
         if image is None:
             return
@@ -175,10 +176,13 @@ class _Flight:
             self._watch_fit(number, due_s, every / camera.rate_hz)
 
     def _watch_fit(self, number: int, time_s: float, period_s: float) -> None:
+        """How long plainly fit ground has been in view with the pilot's consent."""
         result = self.result
-        if fitness(self._scene.truth(number, time_s), self._limit_deg) == "fit":
-            result.fit_time_s += period_s
-            result.first_fit_s = time_s if result.first_fit_s is None else result.first_fit_s
+        word = fitness(self._scene.truth(number, time_s), self._limit_deg)
+        result.unfit_seen |= word == "unfit"
+        enabled = time_s >= self._scenario.pilot.switch_on_s
+        self._fit_s = self._fit_s + period_s if word == "fit" and enabled else 0.0
+        result.longest_fit_s = max(result.longest_fit_s, self._fit_s)
 
     def _deliver(self, time_s: float) -> None:
         samples: list[Sample] = self._link.step(time_s)

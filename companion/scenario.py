@@ -2,7 +2,7 @@
 
 import tomllib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -271,6 +271,33 @@ def parse_scenario(name: str, text: str, where: str) -> Scenario:
     scenario.world()
     scenario.flight_settings(None)
     return scenario
+
+
+def to_toml(scenario: Scenario) -> str:
+    """The scenario as the text of its file."""
+    lines = [f"{name} = {written(value)}" for name, value in asdict(scenario.basics).items()]
+    lines += _tables("settings", scenario.settings)
+    for name in _SECTIONS:
+        lines += _tables(name, asdict(getattr(scenario, name)))
+    lists: tuple[tuple[str, list[dict[str, Any]]], ...] = (
+        ("surface", [dict(s) for s in scenario.surfaces]),
+        ("leg", [asdict(leg) for leg in scenario.legs]),
+        ("fault", [asdict(fault) for fault in scenario.faults]),
+    )
+    for name, entries in lists:
+        for entry in entries:
+            lines += ["", f"[[{name}]]", *(f"{key} = {written(value)}" for key, value in entry.items())]
+    return "\n".join(lines) + "\n"
+
+
+def _tables(name: str, table: dict[str, Any]) -> list[str]:
+    """A table and the tables in it."""
+    plain = {k: v for k, v in table.items() if not isinstance(v, dict)}
+    lines = ["", f"[{name}]", *(f"{key} = {written(value)}" for key, value in plain.items())] if plain else []
+    for key, value in table.items():
+        if isinstance(value, dict):
+            lines += _tables(f"{name}.{key}", value)
+    return lines
 
 
 def _built_in_names() -> list[str]:

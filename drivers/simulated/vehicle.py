@@ -50,6 +50,8 @@ class Airframe:
     """Largest thrust over mass, m/s^2."""
     drag: float = 0.35
     """Linear drag over mass against the air, 1/s."""
+    spin_damping: float = 1.0
+    """How fast body rates die away by themselves, 1/s."""
     leg_m: float = 0.12
     """Body's reference point (and camera) above the ground when it stands."""
     leg_span_m: float = 0.4
@@ -77,6 +79,16 @@ class AttitudeCommand:
     """ned_from_body."""
     thrust: float = 0.0
     """Thrust over mass along body -z, m/s^2; 0 with the motors off."""
+
+
+@dataclass(frozen=True, slots=True)
+class RotorCommand:
+    """What the rotors do when somebody else closes the attitude loop."""
+
+    thrust: float
+    """Sum over mass along body -z, m/s^2."""
+    spin: Vector
+    """Angular acceleration in body axes, rad/s^2."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +127,7 @@ class Multirotor:
     gust: Vector = (0.0, 0.0, 0.0)
     shake: Vector = (0.0, 0.0, 0.0)
     _lifted_s: float = 0.0
+    _spin: Vector = (0.0, 0.0, 0.0)
     _random: random.Random = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -154,7 +167,7 @@ class Multirotor:
         """Of the body's reference point, m."""
         return -self.position[2] - self.ground(self.position[0], self.position[1])
 
-    def step(self, dt: float, command: AttitudeCommand) -> None:
+    def step(self, dt: float, command: AttitudeCommand | RotorCommand) -> None:
         """Advance by ``dt`` seconds under a command that is held for the time."""
         self.time_s += dt
         self._blow(dt)
@@ -247,8 +260,28 @@ class Multirotor:
         q = self.attitude
         self.specific_force = rotate((q[0], -q[1], -q[2], -q[3]), (0.0, 0.0, -GRAVITY))
 
-    def _turn(self, dt: float, command: AttitudeCommand) -> None:
-        """Attitude error -> wanted body rates -> rates with a lag -> attitude."""
+    def _turn(self, dt: float, command: AttitudeCommand | RotorCommand) -> None:
+        q = self.attitude
+        if isinstance(command, RotorCommand):
+            self._spin_up(dt, command)
+        else:
+            self._pursue(dt, command)
+        r, half = self.rates, 0.5 * dt
+        self.attitude = normalised(multiply(q, (1.0, r[0] * half, r[1] * half, r[2] * half)))
+
+    def _spin_up(self, dt: float, command: RotorCommand) -> None:
+        """Torque with the rotors' lag -> rates, and turbulence's share."""
+        body, r = self.airframe, self.rates
+        mix = min(1.0, dt / body.thrust_lag_s)
+        a, b = self._spin, command.spin
+        self._spin = (a[0] + (b[0] - a[0]) * mix, a[1] + (b[1] - a[1]) * mix, a[2] + (b[2] - a[2]) * mix)
+        push = tuple(
+            self._spin[i] + self.shake[i] / body.rate_lag_s - body.spin_damping * r[i] for i in range(3)
+        )
+        self.rates = (r[0] + push[0] * dt, r[1] + push[1] * dt, r[2] + push[2] * dt)
+
+    def _pursue(self, dt: float, command: AttitudeCommand) -> None:
+        """Attitude error -> wanted body rates -> rates with a lag."""
         body, q = self.airframe, self.attitude
         error = multiply((q[0], -q[1], -q[2], -q[3]), command.attitude)
         gain = 2.0 * body.attitude_gain * (1.0 if error[0] >= 0 else -1.0)
@@ -261,9 +294,6 @@ class Multirotor:
             r[1] + (wanted[1] - r[1]) * mix,
             r[2] + (wanted[2] - r[2]) * mix,
         )
-        r = self.rates
-        half = 0.5 * dt
-        self.attitude = normalised(multiply(q, (1.0, r[0] * half, r[1] * half, r[2] * half)))
 
     def _blow(self, dt: float) -> None:
         """Ornstein-Uhlenbeck gusts and shaking."""

@@ -1,0 +1,240 @@
+"""Many random flights: how often a landing was requested on unfit ground, how often missed on fit ground."""
+
+import logging
+import math
+import multiprocessing
+import os
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from companion.flight_result import FlightResult
+from companion.lockstep import LockstepOptions, fly
+from companion.random_scenario import random_scenario
+from companion.scenario import Scenario, to_toml
+
+TRUTH_EVERY = 3
+OPPORTUNITY_S = 2.5
+"""Plainly fit ground in view for this long without a break, everything in order, and no request: missed."""
+Z95 = 1.959964
+AHEAD = 4
+"""Flights handed to each process in advance."""
+KEPT_WORST = 10
+
+Progress = Callable[[float, float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """The outcome of one flight."""
+
+    seed: int
+    ground: str
+    fault: str
+    outcome: str
+    """"right", "unfit" (requested on plainly unfit ground), "missed", "between" (requested, neither plainly)."""
+    requested_s: float | None
+    inclination_deg: float | None
+    """True, of the ground in view at the request."""
+    relief: float | None
+    patch_inclination_deg: float | None
+    patch_deviation_m: float | None
+    """Of the square metre below at the request."""
+    unfit_in_view: bool
+    fit_s: float
+    """Longest time of plainly fit ground in view without a break."""
+    elapsed_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """A share with its 95 % confidence interval."""
+
+    count: int
+    total: int
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Wilson's interval."""
+        return wilson(self.count, self.total)
+
+    def __str__(self) -> str:
+        if not self.total:
+            return "none of 0"
+        low, high = self.interval
+        share = 100 * self.count / self.total
+        return f"{self.count} of {self.total} ({share:.1f} %; 95 % confidence {100 * low:.1f} to {100 * high:.1f} %)"
+
+
+@dataclass(slots=True)
+class Report:
+    """All runs, in the order of their seeds."""
+
+    runs: list[Run] = field(default_factory=list)
+    kept: list[Path] = field(default_factory=list)
+    elapsed_s: float = 0.0
+
+    @property
+    def requested_on_unfit(self) -> Share:
+        """Of the flights that saw plainly unfit ground."""
+        seen = [r for r in self.runs if r.unfit_in_view or r.outcome == "unfit"]
+        return Share(sum(r.outcome == "unfit" for r in seen), len(seen))
+
+    @property
+    def missed(self) -> Share:
+        """Of the flights that had an opportunity, faults aside."""
+        chances = [
+            r
+            for r in self.runs
+            if r.outcome == "missed" or (r.requested_s is not None and r.outcome == "right")
+        ]
+        return Share(sum(r.outcome == "missed" for r in chances), len(chances))
+
+    def in_words(self) -> str:
+        """The figures, several lines."""
+        kinds = Counter(r.ground for r in self.runs)
+        lines = [
+            f"{len(self.runs)} flights in {self.elapsed_s:.0f} s",
+            f"  landing requested on plainly unfit ground   {self.requested_on_unfit}",
+            f"  landing missed on plainly fit ground        {self.missed}",
+            f"  requested on ground that is neither         {sum(r.outcome == 'between' for r in self.runs)}",
+            "  by ground: requested, on unfit, missed",
+        ]
+        for kind, count in sorted(kinds.items()):
+            runs = [r for r in self.runs if r.ground == kind]
+            asked = sum(r.requested_s is not None for r in runs)
+            bad, missed = (sum(r.outcome == word for r in runs) for word in ("unfit", "missed"))
+            lines.append(f"    {kind:<8} {count:4d} flights {asked:4d} {bad:4d} {missed:4d}")
+        for r in worst(self.runs)[:KEPT_WORST]:
+            what = f"requested at {r.requested_s:.1f} s on {r.inclination_deg:.1f} degrees, relief {r.relief:.4f}" if (
+                r.requested_s is not None and r.inclination_deg is not None and r.relief is not None
+            ) else f"missed fit ground of {r.fit_s:.1f} s"  # fmt: skip
+            lines.append(f"  seed {r.seed} ({r.ground}{', ' + r.fault if r.fault else ''}): {what}")
+        lines += [f"  kept {path}" for path in self.kept]
+        return "\n".join(lines)
+
+    def as_table(self) -> dict[str, Any]:
+        """For a JSON file."""
+        return {
+            "flights": len(self.runs),
+            "requested_on_unfit": _figures(self.requested_on_unfit),
+            "missed": _figures(self.missed),
+            "elapsed_s": self.elapsed_s,
+            "runs": [asdict(r) for r in self.runs],
+        }
+
+
+def _figures(share: Share) -> dict[str, Any]:
+    return {"count": share.count, "total": share.total, "interval_95": share.interval}
+
+
+def wilson(count: int, total: int) -> tuple[float, float]:
+    """Wilson's 95 % score interval of a share (Wilson 1927)."""
+    if total == 0:
+        return 0.0, 1.0
+    p, z2 = count / total, Z95 * Z95
+    middle = (p + z2 / (2 * total)) / (1 + z2 / total)
+    half = Z95 / (1 + z2 / total) * math.sqrt(p * (1 - p) / total + z2 / (4 * total * total))
+    return max(0.0, middle - half), min(1.0, middle + half)
+
+
+def worst(runs: Sequence[Run]) -> list[Run]:
+    """The runs that went wrong: requests on unfit ground, steepest and roughest first, then the longest missed."""
+    bad = [r for r in runs if r.outcome == "unfit"]
+    bad.sort(key=lambda r: -((r.inclination_deg or 0.0) + 1000 * (r.relief or 0.0)))
+    return bad + sorted((r for r in runs if r.outcome == "missed"), key=lambda r: -r.fit_s)
+
+
+def fly_many(
+    count: int,
+    first_seed: int,
+    jobs: int,
+    config: Path | None = None,
+    overrides: Sequence[str] = (),
+    keep: Path | None = None,
+    progress: Progress = lambda done, total: None,
+) -> Report:
+    """Fly ``count`` random scenarios from ``first_seed`` on in ``jobs`` processes; record the worst under ``keep``."""
+    started = time.perf_counter()
+    report = Report()
+    seeds = range(first_seed, first_seed + count)
+    for done, run in enumerate(_all(seeds, jobs, config, tuple(overrides)), 1):
+        report.runs.append(run)
+        progress(done, count)
+    report.runs.sort(key=lambda r: r.seed)
+    report.elapsed_s = time.perf_counter() - started
+    if keep is not None:
+        report.kept = [_keep(r, keep, config, overrides) for r in worst(report.runs)[:KEPT_WORST]]
+    return report
+
+
+def fly_one(seed: int, config: Path | None = None, overrides: Sequence[str] = ()) -> Run:
+    """Fly the random scenario of a seed and judge it."""
+    scenario = random_scenario(seed)
+    options = LockstepOptions(truth_every=TRUTH_EVERY, stop_at_request=True)
+    return judge(scenario, fly(scenario, config, overrides, options))
+
+
+def judge(scenario: Scenario, result: FlightResult) -> Run:
+    """What a flight of a random scenario amounts to."""
+    request = result.requests[0] if result.requests else None
+    fault = scenario.faults[0].kind if scenario.faults else ""
+    if request is not None:
+        outcome = {"fit": "right", "unfit": "unfit", "between": "between"}[request.fitness]
+    else:
+        outcome = "missed" if result.longest_fit_s >= OPPORTUNITY_S and not fault else "right"
+    return Run(
+        seed=scenario.basics.seed,
+        ground=scenario.basics.description,
+        fault=fault,
+        outcome=outcome,
+        requested_s=None if request is None else round(request.time_s, 3),
+        inclination_deg=None if request is None else round(request.truth.fit_inclination_deg, 2),
+        relief=None if request is None else round(request.truth.relief, 5),
+        patch_inclination_deg=None if request is None else round(request.below.inclination_deg, 2),
+        patch_deviation_m=None if request is None else round(request.below.deviation_m, 3),
+        unfit_in_view=result.unfit_seen,
+        fit_s=round(result.longest_fit_s, 2),
+        elapsed_s=round(result.elapsed_s, 2),
+    )
+
+
+def _all(seeds: range, jobs: int, config: Path | None, overrides: tuple[str, ...]) -> Iterator[Run]:
+    if jobs == 1 or len(seeds) == 1:
+        for seed in seeds:
+            yield fly_one(seed, config, overrides)
+        return
+    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(variable, "1")
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_quiet) as pool:
+        waiting: set[Future[Run]] = set()
+        left = iter(seeds)
+        while True:
+            for seed in left:
+                waiting.add(pool.submit(fly_one, seed, config, overrides))
+                if len(waiting) >= AHEAD * jobs:
+                    break
+            if not waiting:
+                return
+            done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            yield from (future.result() for future in done)
+
+
+def _quiet() -> None:
+    """A worker says nothing of what the daemon would log."""
+    logging.basicConfig(level=logging.CRITICAL)
+
+
+def _keep(run: Run, directory: Path, config: Path | None, overrides: Sequence[str]) -> Path:
+    """Fly a run again, the same bit for bit, and leave its scenario and its flight folder."""
+    scenario = random_scenario(run.seed)
+    folder = directory / f"{run.outcome}_{run.seed}"
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "scenario.toml").write_text(to_toml(scenario), encoding="utf-8")
+    fly(scenario, config, overrides, LockstepOptions(record=folder))
+    return folder
