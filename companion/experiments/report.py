@@ -61,8 +61,21 @@ def new_figure(rows: int, columns: int, width: float, height: float, **options: 
     return figure, axes
 
 
+def _few(value: float, _: int) -> str:
+    """A label at 2 and 5 of a decade."""
+    text = f"{value:g}"
+    return text if text.strip("0.")[:1] in ("2", "5") and len(text.strip("0.")) == 1 else ""
+
+
 def save(figure: "Figure", out: Path, name: str) -> str:
     """Write a figure beside the report; returns the file's name."""
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            if axis.get_scale() == "log":
+                axis.set_major_formatter("{x:g}")
+                low, high = sorted(axis.get_view_interval())
+                # Over less than two decades the decades alone are too few labels.
+                axis.set_minor_formatter(_few if high < 100 * low else "")
     figure.savefig(out / name, dpi=110)
     return name
 

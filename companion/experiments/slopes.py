@@ -119,7 +119,7 @@ def section(outcomes: list[Outcome], out: Path) -> Section:
         "Fig. 5: slopes of 0 to 60 degrees, motion in X, Y and along Z",
         "Pictures of 256 x 256, 50 degrees across, grey noise of 2 levels. Sideways the ventral flow is 0.011 a frame; "
         "along Z the time to contact falls from 65 frames (quick: 30). The error is that of the angle along the sloped "
-        "axis. A frame without an estimate is a failure.",
+        f"axis, the first {SETTLED} frames left out. A frame without an estimate is a failure.",
         figures,
         [
             Table("Slope error, degrees.", ["motion", "method", "slope", *ERROR_COLUMNS], rows),
@@ -136,7 +136,7 @@ def section(outcomes: list[Outcome], out: Path) -> Section:
             Comparison(
                 "ventral flow against slope error",
                 "asks for the relation",
-                "median error falls with flow: " + asked,
+                "median error, " + asked,
             ),
         ],
     )

@@ -102,7 +102,7 @@ def section(outcomes: list[Outcome], out: Path, title: str, figure_name: str) ->
         if len(outcomes) > 1:
             rows.append([f"**{method}**", "**all**", *pooled[method].cells(2, 100)])
     measured = "; ".join(
-        f"{m}: median {100 * e.median:.2f} %, p95 {100 * e.p95:.1f} %, worst {100 * e.worst:.0f} %"
+        f"{m}: median {100 * e.median:.2f} %, p95 {100 * e.p95:.1f} %, worst {100 * e.worst:.1f} %"
         for m, e in pooled.items()
     )
     return Section(
