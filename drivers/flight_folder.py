@@ -5,14 +5,17 @@ from heapq import merge
 from pathlib import Path
 
 from drivers.errors import DriverError
-from drivers.frame_table import read_frame_table
+from drivers.frame_table import FrameRow, read_frame_table
 from drivers.samples import Frame, Refusal, Sample
 from drivers.telemetry import TelemetryDecoder
 from drivers.tlog import read_tlog
 from drivers.tlog_survey import STEP_US, ClockStep, survey_tlog
-from drivers.video_file import VideoFile
+from drivers.video_file import DEFAULT_FPS, Image, VideoFile
 
 VIDEO, STAMPS, TELEMETRY = "camera.mkv", "frames.csv", "vehicle.tlog"
+GAP_MIN = 0.5
+"""Share of a frame's period by which a gap in the presentation times must be longer, and rows may differ from it."""
+
 CALIBRATION, SETTINGS = "camera.yaml", "landslope.toml"
 
 
@@ -79,7 +82,7 @@ class FlightFolder:
         first = next(iter(rows.values()))
         order, stamp_us, due, decoded = first.order_us, first.stamp_us, 0, 0
         refusals = list(self._table.refusals)
-        for index, image in self.video.images():
+        for index, image in self._numbered_images():
             for lost in range(due, index):
                 if lost in rows:
                     order, stamp_us = max(order, rows[lost].order_us), rows[lost].stamp_us
@@ -103,6 +106,32 @@ class FlightFolder:
             order, stamp_us = max(order, rows[number].order_us), rows[number].stamp_us
             detail = f"frame {number}: {VIDEO} ends before"
             yield order, 1, Refusal(stamp_us, "camera", "video_ended", detail)
+
+    def _numbered_images(self) -> Iterator[tuple[int, Image]]:
+        """Frames of the video with their number in frames.csv.
+
+        The rows count the frames as they were written. Where damage took frames out of the video, the gap in its
+        presentation times tells how many rows to pass over: as many as the stamps need to make up for the gap.
+        """
+        rows = self._table.rows
+        period_s = 1 / (self.video.fps or DEFAULT_FPS)
+        number, last_s = -1, 0.0
+        for time_s, image in self.video.timed_images():
+            number += 1
+            before = rows.get(number - 1)
+            if before is not None and time_s - last_s > (1 + GAP_MIN) * period_s:
+                number = self._row_after(before, number, time_s - last_s, period_s)
+            last_s = time_s
+            yield number, image
+
+    def _row_after(self, before: FrameRow, number: int, gap_s: float, period_s: float) -> int:
+        """The row that stands a gap in time behind the row before; the next one, ``number``, if none does."""
+        rows = self._table.rows
+        for later in range(number, number + round(gap_s / period_s) + 1):
+            row = rows.get(later)
+            if row is not None and abs((row.order_us - before.order_us) * 1e-6 - gap_s) < GAP_MIN * period_s:
+                return later
+        return number
 
 
 def _is_step(step: ClockStep, delta_us: int) -> bool:

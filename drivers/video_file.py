@@ -23,9 +23,6 @@ PLANAR_LUMA = frozenset(
 )
 """Pixel formats whose first plane is the luma: it is the grey picture, without a detour over colours."""
 
-INDEX_TOLERANCE = 0.35
-"""Share of a frame's period that presentation times may stray from a constant rate and still count frames."""
-
 DEFAULT_FPS = 30.0
 
 Image = NDArray[np.uint8]
@@ -52,62 +49,50 @@ class VideoFile:
         capture.release()
 
     def images(self) -> Iterator[tuple[int, Image]]:
-        """Index in the recording and grey image (height, width) of every frame that can be decoded.
+        """Count and grey image (height, width) of every frame that can be decoded."""
+        for index, (_, image) in enumerate(self.timed_images()):
+            yield index, image
 
-        The index counts frames; where the file has a constant rate, frames lost to damage leave a gap in it,
-        found by the presentation times.
+    def timed_images(self) -> Iterator[tuple[float, Image]]:
+        """Presentation time in s since the first frame, and grey image, of every frame that can be decoded.
+
+        Frames that damage took out leave a gap in the times. Where the file has no times, the frame rate gives them.
         """
         capture = self._open()
         fourcc = int(capture.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)) & 0xFFFFFFFF
-        luma = fourcc.to_bytes(4, "little").decode("latin-1") in PLANAR_LUMA
-        if luma:
+        if fourcc.to_bytes(4, "little").decode("latin-1") in PLANAR_LUMA:
             capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)
-        counted, lost, first_ms, constant_rate = 0, 0, None, self.fps > 0
+        period_s = 1 / (self.fps or DEFAULT_FPS)
+        first_s, last_s = None, -period_s
         while capture.grab():
             decoded, image = capture.retrieve()
             if not decoded:
                 break
             if image.ndim == 3:
                 image = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-            pts_ms = capture.get(cv2.CAP_PROP_POS_MSEC)
-            first_ms = pts_ms if first_ms is None else first_ms
-            index = (pts_ms - first_ms) * self.fps / 1000
-            constant_rate = constant_rate and abs(index - round(index)) < INDEX_TOLERANCE
-            if constant_rate and round(index) > counted + lost:
-                lost = round(index) - counted
-            yield counted + lost, np.asarray(image, np.uint8)
-            counted += 1
+            at_s = capture.get(cv2.CAP_PROP_POS_MSEC) * 1e-3
+            first_s = at_s if first_s is None else first_s
+            time_s = at_s - first_s
+            last_s = time_s if time_s > last_s else last_s + period_s
+            yield last_s, np.asarray(image, np.uint8)
         capture.release()
 
     def frames(self, fps: float | None = None, start_us: int = 0) -> Iterator[Frame | Refusal]:
-        """Frames stamped by ``fps`` (default: the file's own, else 30 a second) from ``start_us`` on."""
-        period_us = 1e6 / (fps or self.fps or DEFAULT_FPS)
-        index = -1
-        for index, image in self._with_losses():
-            stamp_us = start_us + round(index * period_us)
-            if image is None:
-                yield Refusal(stamp_us, "camera", "undecodable_frame", f"{self.path.name}, frame {index}")
-                continue
-            yield Frame(index, stamp_us, stamp_us, image)
-        if index < 0:
+        """Frames stamped by their presentation times from ``start_us`` on; ``fps`` plays the file at another rate."""
+        speed = self.fps / fps if fps and self.fps else 1.0
+        number, stamp_us = -1, start_us
+        for number, (time_s, image) in enumerate(self.timed_images()):
+            if fps and not self.fps:
+                time_s = number / fps
+            stamp_us = start_us + round(time_s * speed * 1e6)
+            yield Frame(number, stamp_us, stamp_us, image)
+        if number < 0:
             raise DriverError(f"{self.path}: not a single frame can be decoded; record or copy it anew")
-        if index + 1 < self.frame_count:
+        missing = self.frame_count - number - 1
+        if missing > 0:
             # The container's count is an estimate, so that a short file is one remark, not a row of losses.
-            missing = self.frame_count - index - 1
-            yield Refusal(
-                start_us + round(index * period_us),
-                "camera",
-                "video_cut_off",
-                f"{self.path.name} ends {missing} frames early",
-            )
-
-    def _with_losses(self) -> Iterator[tuple[int, Image | None]]:
-        """As images(), with None for every frame that damage took out of the middle."""
-        due = 0
-        for index, image in self.images():
-            yield from ((lost, None) for lost in range(due, index))
-            yield index, image
-            due = index + 1
+            detail = f"{missing} of {self.frame_count} frames of {self.path.name} could not be read"
+            yield Refusal(stamp_us, "camera", "undecodable_frames", detail)
 
     def _open(self) -> cv2.VideoCapture:
         capture = cv2.VideoCapture(str(self.path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])

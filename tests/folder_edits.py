@@ -94,11 +94,15 @@ def video_cut(folder: Path) -> None:
     (folder / "camera.mkv").write_bytes(data[: len(data) // 2])
 
 
-def video_damaged(folder: Path) -> None:
-    data = bytearray((folder / "camera.mkv").read_bytes())
+def damaged(data: bytes) -> bytes:
+    """A video's bytes with 20 kB of them overwritten in the middle."""
     middle = len(data) // 2
-    data[middle : middle + 20_000] = b"\x55" * 20_000
-    (folder / "camera.mkv").write_bytes(bytes(data))
+    return data[:middle] + b"\x55" * 20_000 + data[middle + 20_000 :]
+
+
+def video_damaged(folder: Path) -> None:
+    path = folder / "camera.mkv"
+    path.write_bytes(damaged(path.read_bytes()))
 
 
 def stamps_missing(folder: Path) -> None:

@@ -1,9 +1,12 @@
 """Flight folders under named damage: one clear error, or refusals that are counted, and the rest is used."""
 
+import shutil
 from collections import Counter
 from itertools import pairwise
+from pathlib import Path
 
 import folder_edits
+import numpy as np
 import pytest
 
 from companion import core as core_module
@@ -14,6 +17,7 @@ from companion.replay_source import PlainCamera, open_source
 from drivers.errors import DriverError
 from drivers.flight_folder import FlightFolder
 from drivers.samples import Attitude, Frame, Refusal
+from drivers.video_file import VideoFile
 from landing.estimate import SurfaceEstimate
 
 EDITS = folder_edits.EDITS
@@ -113,6 +117,38 @@ def test_a_clock_that_was_set_does_not_mix_up_the_order(recorded, flight, second
     after = frames_by_attitude(flight)
     assert len(before) == len(after)
     assert max(abs(a - b) for a, b in zip(before, after, strict=True)) <= 4
+
+
+def test_frames_behind_damage_keep_their_number(tmp_path):
+    """Frames that damage took out of the video are refused by their rows; those behind are not taken for them."""
+    recorded = folder_edits.FLIGHTS / "stairs_a"
+    folder = Path(shutil.copytree(recorded, tmp_path / "flight"))
+    folder_edits.video_damaged(folder)
+    samples = list(FlightFolder(folder).samples())
+    frames = [s for s in samples if isinstance(s, Frame)]
+    lost = [s for s in samples if isinstance(s, Refusal)]
+    assert 1 <= len(lost) < 100
+    assert {s.reason for s in lost} == {"undecodable_frame"}
+    assert frames[-1].number == 753
+    assert len(frames) + len(lost) == 754
+    whole = {index: image for index, image in VideoFile(recorded / "camera.mkv").images() if index >= 740}
+    assert all(np.array_equal(f.image, whole[f.number]) for f in frames if f.number >= 740)
+
+
+def test_a_gap_that_the_stamps_have_too_is_no_loss(flight):
+    """A camera that was late, recorded with true times: the rows count the frames that are there."""
+    video = VideoFile(flight / "camera.mkv")
+    rows = [line.split(",") for line in (flight / "frames.csv").read_text().splitlines()[1:]]
+    times = [(int(row[1]) - int(rows[0][1])) * 1e-6 + (0.2 if k >= 40 else 0.0) for k, row in enumerate(rows)]
+    folder_edits.edit_rows(
+        flight, lambda rows: [[n, str(int(t) + (200_000 if int(n) >= 40 else 0))] for n, t in rows]
+    )
+    folder = FlightFolder(flight)
+    images = [image for _, image in video.images()]
+    folder.video.timed_images = lambda: zip(times, images, strict=True)
+    samples = list(folder.samples())
+    assert [s.number for s in samples if isinstance(s, Frame)] == list(range(90))
+    assert not [s for s in samples if isinstance(s, Refusal)]
 
 
 def test_a_vehicle_that_is_not_in_the_log_is_named(recorded):

