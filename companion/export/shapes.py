@@ -34,12 +34,18 @@ def stamp(time_unix_us: int) -> fox.Timestamp:
     return fox.Timestamp(sec=time_unix_us // MICROSECONDS, nsec=time_unix_us % MICROSECONDS * 1000)
 
 
+def xyzw(rotation: NDArray[np.float64]) -> tuple[float, float, float, float]:
+    """The unit quaternion of a rotation matrix (3, 3), scalar last."""
+    turn = log_so3(rotation)
+    angle = float(np.linalg.norm(turn))
+    x, y, z = turn * (math.sin(angle / 2) / angle if angle > 0 else 0.5)
+    return float(x), float(y), float(z), math.cos(angle / 2)
+
+
 def quaternion(rotation: NDArray[np.float64]) -> fox.Quaternion:
     """Of a rotation matrix (3, 3)."""
-    vector = log_so3(rotation)
-    angle = float(np.linalg.norm(vector))
-    x, y, z = vector * (math.sin(angle / 2) / angle if angle > 0 else 0.5)
-    return fox.Quaternion(x=x, y=y, z=z, w=math.cos(angle / 2))
+    x, y, z, w = xyzw(rotation)
+    return fox.Quaternion(x=x, y=y, z=z, w=w)
 
 
 def vector(position: tuple[float, float, float]) -> fox.Vector3:
