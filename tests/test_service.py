@@ -23,7 +23,8 @@ cd /opt/landslope-test
 show() { systemctl show landslope -p "$1" --value; }
 note() { echo "$1 = \"$2\"" >> results.toml; }
 systemd-sysusers
-systemctl start landslope; note start "$?"
+systemctl start landslope || { note start failed; journalctl -u landslope --no-pager > journal.txt; exit 0; }
+note start 0
 note active "$(show ActiveState)"
 first=$(show MainPID)
 note user "$(stat -c %U /proc/$first)"
