@@ -9,11 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.errors import DriverError
-from drivers.simulated import world as w
+from drivers.simulated import surfaces
+from drivers.simulated.facets import Facet
 from drivers.simulated.lens import DOWN, Lens
 from drivers.simulated.render import Renderer, frame_rate
 from drivers.simulated.sequences import plane_sequence
 from drivers.simulated.textures import MATERIALS, pyramid, texture
+from drivers.simulated.world import World, build_world
 
 WIDE = Lens(
     320,
@@ -30,7 +32,7 @@ def rotation(roll: float, pitch: float, yaw: float) -> np.ndarray:
     return rz @ ry @ rx
 
 
-def moller_trumbore(facets: list[w.Facet], origin: np.ndarray, direction: np.ndarray) -> float:
+def moller_trumbore(facets: list[Facet], origin: np.ndarray, direction: np.ndarray) -> float:
     """Distance along a ray to the nearest facet, by triangles: no code shared with the renderer."""
     best = math.inf
     for f in facets:
@@ -48,11 +50,11 @@ def moller_trumbore(facets: list[w.Facet], origin: np.ndarray, direction: np.nda
 
 
 SCENES = {
-    "stairs": (w.stairs(), (1.2, 0.3, -3.6)),
-    "rubble": (w.level() + w.rubble(count=60, length=4, width=4), (0.1, -0.2, -2.4)),
-    "roof": (w.level() + w.roof(), (2.0, 5.0, -9.0)),
-    "rolling": (w.level(height=-5) + w.rolling(size=12, cell=1.0), (0.5, 0.5, -4.0)),
-    "step": (w.step(height=0.4, bearing_deg=30), (0.0, 0.0, -2.0)),
+    "stairs": (surfaces.stairs(), (1.2, 0.3, -3.6)),
+    "rubble": (surfaces.level() + surfaces.rubble(count=60, length=4, width=4), (0.1, -0.2, -2.4)),
+    "roof": (surfaces.level() + surfaces.roof(), (2.0, 5.0, -9.0)),
+    "rolling": (surfaces.level(height=-5) + surfaces.rolling(size=12, cell=1.0), (0.5, 0.5, -4.0)),
+    "step": (surfaces.step(height=0.4, bearing_deg=30), (0.0, 0.0, -2.0)),
 }
 
 
@@ -61,7 +63,7 @@ def test_depth_is_that_of_rays_cast_one_by_one(name: str) -> None:
     facets, place = SCENES[name]
     position = np.array(place)
     ned_from_camera = rotation(0.06, -0.11, 0.7) @ DOWN
-    renderer = Renderer(w.World(facets), WIDE, samples=1)
+    renderer = Renderer(World(facets), WIDE, samples=1)
     depth, _ = renderer.depth(position, ned_from_camera)
     rng = np.random.default_rng(3)
     rows, columns = rng.integers(0, 240, 60), rng.integers(0, 320, 60)
@@ -105,8 +107,8 @@ def test_a_plane_moves_by_its_exact_homography(
     """The second picture is the first one warped by H = K (R + t n'/d) K^-1, up to interpolation."""
     lens = Lens.from_fov(160, 120, 50)
     # Texels of 4 cm under pixels of 2 cm: the picture is smooth enough to be interpolated.
-    ground = w.ramp(inclination_deg=inclination, uphill_deg=uphill, material="noise", texture_m=40)
-    renderer = Renderer(w.World(ground), lens)
+    ground = surfaces.ramp(inclination_deg=inclination, uphill_deg=uphill, material="noise", texture_m=40)
+    renderer = Renderer(World(ground), lens)
     first = rotation(roll, pitch, yaw) @ DOWN
     second = rotation(roll + 0.02, pitch - 0.03, yaw + 0.01) @ DOWN
     p1, p2 = np.array([0.1, 0.2, -3.0]), np.array([0.15, 0.12, -2.9])
@@ -143,7 +145,7 @@ def test_a_plane_moves_by_its_exact_homography(
 def test_a_distant_fine_texture_gives_the_true_flow(height: float, fine: bool) -> None:
     """Texels far smaller than a pixel: without filtering the flow would be noise or zero."""
     lens = Lens.from_fov(256, 256, 50)
-    renderer = Renderer(w.World(w.level(material="gravel")), lens, fine=fine)
+    renderer = Renderer(World(surfaces.level(material="gravel")), lens, fine=fine)
     texels_a_pixel = height / lens.focal_px / (4 / 1024)
     assert texels_a_pixel > 4
     shift = np.array([0.3, -0.4])
@@ -162,13 +164,13 @@ def test_a_distant_fine_texture_gives_the_true_flow(height: float, fine: bool) -
 
 def test_fast_and_fine_pictures_agree() -> None:
     facets, place = SCENES["stairs"]
-    world, position = w.World(facets), np.array(place)
+    world, position = World(facets), np.array(place)
     fast, fine = (Renderer(world, WIDE, fine=f).image(position, DOWN) for f in (False, True))
     assert np.mean(np.abs(fast - fine)) < 0.1 * fine.std()
 
 
 def test_no_crack_shows_between_the_facets_of_a_mesh() -> None:
-    world = w.World(w.rolling(size=30, cell=0.5, amplitude=0.3))
+    world = World(surfaces.rolling(size=30, cell=0.5, amplitude=0.3))
     renderer = Renderer(world, WIDE)
     for yaw in (0.0, 0.3, 1.234):
         _, owner = renderer.depth(np.array([0.2, 0.1, -5.0]), rotation(0.05, 0.1, yaw) @ DOWN)
@@ -176,7 +178,7 @@ def test_no_crack_shows_between_the_facets_of_a_mesh() -> None:
 
 
 def test_the_sky_shows_where_nothing_is() -> None:
-    renderer = Renderer(w.World(w.level(size=1.0)), Lens.from_fov(160, 120, 60))
+    renderer = Renderer(World(surfaces.level(size=1.0)), Lens.from_fov(160, 120, 60))
     depth, owner = renderer.depth(np.array([0.0, 0.0, -3.0]), DOWN)
     assert np.isinf(depth[0, 0])
     assert owner[0, 0] == -1
@@ -186,13 +188,13 @@ def test_the_sky_shows_where_nothing_is() -> None:
 
 
 def test_heights_of_the_world() -> None:
-    world = w.World(w.stairs(count=18, rise=0.17, run=0.29))
+    world = World(surfaces.stairs(count=18, rise=0.17, run=0.29))
     assert world.height_at(-1, 0) == pytest.approx(18 * 0.17)
     assert world.height_at(0.1, 5) == pytest.approx(17 * 0.17)
     assert world.height_at(0.4, -5) == pytest.approx(16 * 0.17)
     assert world.height_at(18 * 0.29 + 1, 0) == pytest.approx(0)
     assert world.height_at(1e5, 0) == -math.inf
-    hill = w.World(w.ramp(inclination_deg=30, uphill_deg=90))
+    hill = World(surfaces.ramp(inclination_deg=30, uphill_deg=90))
     assert hill.height_at(7.0, 1.0) == pytest.approx(math.tan(math.radians(30)))
     down, normal = hill.surface_at(0.0, -2.0)
     assert down == pytest.approx(2 * math.tan(math.radians(30)))
@@ -200,14 +202,14 @@ def test_heights_of_the_world() -> None:
 
 
 def test_every_kind_is_built_from_its_description() -> None:
-    for kind in w.SURFACES:
+    for kind in surfaces.SURFACES:
         needed = {
             "ramp": {"inclination_deg": 10.0},
             "box": {"north": 0.0, "east": 0.0, "length": 1.0, "width": 1.0, "top": 1.0},
             "step": {"height": 0.2},
             "strip": {"profile": [(0.0, 0.0), (1.0, 0.5)]},
         }.get(kind, {})
-        assert w.build_world([{"kind": kind, **needed}]).facets
+        assert build_world([{"kind": kind, **needed}]).facets
 
 
 @pytest.mark.parametrize(
@@ -222,7 +224,7 @@ def test_every_kind_is_built_from_its_description() -> None:
 )
 def test_a_wrong_description_is_refused(description: dict, message: str) -> None:
     with pytest.raises(DriverError, match=message):
-        w.build_world([description])
+        build_world([description])
 
 
 @pytest.mark.parametrize("material", MATERIALS)
@@ -265,6 +267,6 @@ def test_plane_sequences_carry_their_truth(motion: str) -> None:
 
 def test_the_frame_rate_is_measured(capsys: pytest.CaptureFixture[str]) -> None:
     facets, place = SCENES["stairs"]
-    rate = frame_rate(Renderer(w.World(facets), Lens.from_fov(320, 240, 64)), np.array(place), DOWN, 0.3)
+    rate = frame_rate(Renderer(World(facets), Lens.from_fov(320, 240, 64)), np.array(place), DOWN, 0.3)
     print(f"320 x 240, stairs: {rate:.0f} frames/s")
     assert rate > 0

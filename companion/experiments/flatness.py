@@ -19,7 +19,8 @@ from companion.experiments.report import COLOURS, OTHER_COLOUR, Comparison, Sect
 from drivers.simulated.camera import Pose, SensorOptions, SimulatedCamera
 from drivers.simulated.lens import Lens
 from drivers.simulated.render import Renderer
-from drivers.simulated.world import World, level, rubble
+from drivers.simulated.surfaces import level, rubble
+from drivers.simulated.world import World
 from landing.options import EstimatorOptions
 
 TAUS = (40, 80, 160)

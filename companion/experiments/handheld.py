@@ -22,7 +22,8 @@ from companion.experiments.report import COLOURS, OTHER_COLOUR, Comparison, Sect
 from drivers.simulated.camera import Pose, SensorOptions, SimulatedCamera
 from drivers.simulated.lens import Lens
 from drivers.simulated.render import Renderer
-from drivers.simulated.world import World, ramp
+from drivers.simulated.surfaces import ramp
+from drivers.simulated.world import World
 from landing.rotations import matrix_from_euler
 
 SLOPES = (0, 15, 30, 45)

@@ -61,7 +61,7 @@ def new_figure(rows: int, columns: int, width: float, height: float, **options: 
     return figure, axes
 
 
-def _few(value: float, _: int) -> str:
+def _few(value: float, _: float) -> str:
     """A label at 2 and 5 of a decade."""
     text = f"{value:g}"
     return text if text.strip("0.")[:1] in ("2", "5") and len(text.strip("0.")) == 1 else ""

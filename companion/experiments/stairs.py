@@ -20,7 +20,8 @@ from companion.experiments.report import COLOURS, OTHER_COLOUR, Comparison, Sect
 from drivers.simulated.camera import Pose, SensorOptions, SimulatedCamera
 from drivers.simulated.lens import Lens
 from drivers.simulated.render import Renderer
-from drivers.simulated.world import World, stairs
+from drivers.simulated.surfaces import stairs
+from drivers.simulated.world import World
 from landing.rotations import matrix_from_euler
 
 RISE_M, RUN_M = 0.17, 0.29

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from drivers.errors import DriverError
 from drivers.simulated.lens import DOWN, Lens
 from drivers.simulated.render import Renderer
-from drivers.simulated.world import World, ramp
+from drivers.simulated.surfaces import ramp
+from drivers.simulated.world import World
 
 Array = NDArray[np.float64]
 
