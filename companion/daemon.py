@@ -143,6 +143,7 @@ class Daemon:
             self._request(output)
         elif isinstance(output, Processed):
             self._preview.put(output.frame, output.estimate, self._estimate_us)
+            self.recording.processed(output)
         else:
             self._message(output)
 

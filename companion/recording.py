@@ -1,9 +1,13 @@
 """When a flight is recorded, and the papers that go with it."""
 
 import dataclasses
+import importlib.util
 from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from companion.core import Processed
+from companion.errors import LandslopeError
 from companion.messages import Message, encode, topic_of
 from companion.settings import RecordSettings, Settings
 from companion.settings_file import entries, value_of, written
@@ -12,10 +16,21 @@ from drivers.flight_folder import CALIBRATION
 from drivers.recorder import FlightPapers, Recorder, RecorderOptions
 from drivers.samples import Frame, Heartbeat, Sample
 
+if TYPE_CHECKING:
+    from companion.export.live_recording import LiveMcap
+
 US_PER_S = 1_000_000
 BYTES_PER_MB = 1_000_000
 DEFAULT_RATE_HZ = 30.0
 """Rate of the recorded video when none is asked of the camera; the true times stand in frames.csv."""
+
+
+def _live_mcap(settings: Settings) -> "LiveMcap":
+    if importlib.util.find_spec("foxglove") is None:
+        raise LandslopeError("record.mcap needs the extra 'record': pip install 'landslope[record]'")
+    from companion.export.live_recording import LiveMcap  # heavy, and only on boards that want it
+
+    return LiveMcap(settings)
 
 
 class RecordingSwitch:
@@ -98,12 +113,15 @@ class FlightRecording:
         self._recorder: Recorder | None = None
         if settings.record.directory:
             self._recorder = Recorder(recorder_options(settings.record, rate_hz), flight_papers(settings))
+        self._mcap = _live_mcap(settings) if self._recorder is not None and settings.record.mcap else None
+        self._folder_before: Path | None = None
 
     @property
     def counters(self) -> dict[str, int]:
         """What was written, and what was lost."""
         counted = self._recorder.counters if self._recorder is not None else {}
-        return {f"recorder {name}": count for name, count in sorted(counted.items())}
+        found = {f"recorder {name}": count for name, count in sorted(counted.items())}
+        return found | ({"mcap dropped": self._mcap.dropped} if self._mcap is not None else {})
 
     @property
     def recording(self) -> bool:
@@ -121,6 +139,13 @@ class FlightRecording:
                 self._armed = sample.armed
             elif isinstance(sample, Frame) and self._recorder is not None:
                 self._recorder.frame(sample)
+            if self._mcap is not None:
+                self._mcap.sample(sample)
+
+    def processed(self, output: Processed) -> None:
+        """A frame with its estimate, whose message came just before."""
+        if self._mcap is not None:
+            self._mcap.put(output)
 
     def mavlink(self, arrival_us: int, packet: bytes) -> None:
         """One packet as it was on the wire, of either direction."""
@@ -131,6 +156,8 @@ class FlightRecording:
         """One published message."""
         if self._recorder is not None and self._recorder.recording:
             self._recorder.message(topic_of(message), encode(message))
+        if self._mcap is not None:
+            self._mcap.put(message)
 
     def step(self, time_us: int) -> list[DriverEvent]:
         """Start or stop as the switch says; what happened since the last step.
@@ -142,13 +169,20 @@ class FlightRecording:
             return []
         wanted = self._switch.step(time_us, self._armed)
         if wanted and not self._wanted:
+            self._folder_before = recorder.folder
             recorder.start()
         elif self._wanted and not wanted:
             recorder.stop("by hand" if self._armed else "disarmed")
         self._wanted = wanted
+        if self._mcap is not None:
+            # Until the recorder has made its new folder it still names the last one.
+            begun = recorder.recording and recorder.folder != self._folder_before
+            self._mcap.follow(recorder.folder if begun else None)
         return recorder.events()
 
     def close(self) -> None:
         """End the recording and wait until it is on the disk."""
+        if self._mcap is not None:
+            self._mcap.close()
         if self._recorder is not None:
             self._recorder.close()

@@ -241,6 +241,7 @@ class RecordSettings:
     min_free_mb: Annotated[int, Limits(1, 1_000_000, "MB", "free space below which nothing is recorded")] = (
         500
     )
+    mcap: Annotated[bool, Meaning("write flight.mcap too, for Foxglove (needs the extra 'record')")] = False
 
 
 @dataclass(frozen=True, slots=True)

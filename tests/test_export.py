@@ -23,6 +23,8 @@ from companion.export.mcap_sink import McapSink
 from companion.fleet import embedded_router, free_endpoint
 from companion.monitor.options import MonitorOptions
 from companion.preview import Preview, jpeg
+from companion.recording import FlightRecording
+from companion.settings import RecordSettings, Settings
 from drivers.bus import Endpoints
 from drivers.samples import Attitude, Frame, Velocity
 from landing.camera import CameraModel
@@ -178,6 +180,39 @@ def test_a_recording_cut_off_by_the_power_keeps_its_chunks(sink: McapSink, tmp_p
         except (McapError, struct.error):
             pass
     assert estimates > 60
+
+
+def test_the_daemons_recording_writes_it_beside_the_flight(tmp_path: Path) -> None:
+    settings = Settings(
+        record=RecordSettings(directory=str(tmp_path), when="always", mcap=True, min_free_mb=1)
+    )
+    recording = FlightRecording(settings)
+    recording.message(estimate(0))  # before there is a flight: not in it
+    assert eventually(lambda: recording.step(0) and list(tmp_path.glob("*")))
+    number = 0
+
+    def fly() -> bool:
+        """Until the file, opened by the first frame, takes what comes."""
+        nonlocal number
+        number += 1
+        recording.step(number)
+        recording.samples([Attitude(arrival_us=number, boot_us=0, roll=0.0, pitch=0.0, yaw=0.5)])
+        recording.message(estimate(number))
+        recording.processed(processed(number))
+        return number > 20
+
+    assert eventually(fly)
+    recording.by_hand(False)
+    recording.step(number)
+    recording.close()
+    (file,) = tmp_path.glob("*/flight.mcap")
+    recorded = Recording(file)
+    frames = [frame["frame"] for frame in recorded.json("estimate")]
+    assert frames == sorted(set(frames))
+    assert 10 < len(frames) <= 20
+    assert len(recorded.messages["camera/image"]) in (len(frames), len(frames) + 1)
+    assert recording.counters["mcap dropped"] == 0
+    assert not list(tmp_path.glob("*/*.part"))
 
 
 def test_a_place_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
