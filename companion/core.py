@@ -91,14 +91,16 @@ class Core:
         return out
 
     def _count(self, sample: Sample, out: list[Output]) -> None:
-        self._health.count(sample, self._sync.now_us)
+        refusals = self._sync.refusals()
+        if not refusals:
+            self._health.count(sample, self._sync.now_us)
         if isinstance(sample, Refusal):
             if sample.reason == "second_vehicle" and not self._health.vehicles_clash:
                 self._health.vehicles_clash = True
                 out.append(event("second_vehicle", None, sample.arrival_us, details={"heard": sample.detail}))
         elif isinstance(sample, Frame):
             self._frame_number = sample.number
-        for name, reason in self._sync.refusals():
+        for name, reason in refusals:
             self._health.refuse(name, reason)
             if isinstance(sample, Frame):
                 self._no_estimate(sample, sample.stamp_us - self._sync.offset_us, reason, out)

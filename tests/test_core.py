@@ -9,7 +9,7 @@ import pytest
 from companion.core import Core, LandRequest, Processed
 from companion.messages import Decision, Estimate, Event, Health, encode
 from companion.replay_source import PlainCamera, open_source
-from drivers.samples import Attitude, Frame
+from drivers.samples import Attitude, Frame, Refusal
 from landing.camera import CameraModel
 
 MESSAGES = (Estimate, Decision, Health, Event)
@@ -132,6 +132,24 @@ def test_an_image_of_another_size_is_refused(source, samples):
     out = [o for s in samples for o in core.feed(s)] + core.finish()
     assert {e.status for e in of(out, Estimate)} == {"image_size"}
     assert of(out, Health)[-1].counters["refused frames: image_size"] == 90
+
+
+def test_a_second_vehicle_is_told_once_and_nothing_is_requested(source, samples):
+    strange = Refusal(samples[0].arrival_us, "ATTITUDE", "second_vehicle", "from 7:1")
+    out = feed(source, [strange, strange, *samples[:600]], enabled=True)
+    assert [e.event for e in of(out, Event)].count("second_vehicle") == 1
+    assert of(out, LandRequest) == []
+    assert of(out, Health)[-1].state == "failed"
+
+
+def test_refused_frames_are_not_counted_as_taken(source, samples):
+    frames = [s for s in samples if isinstance(s, Frame)]
+    doubled = sorted([*samples, *frames[10:15]], key=lambda s: s.arrival_us)
+    out = feed(source, doubled)
+    health = of(out, Health)[-1]
+    assert (health.inputs["frames"].count, health.inputs["frames"].refused) == (90, 5)
+    refused = [e for e in of(out, Estimate) if e.status == "repeated_stamp"]
+    assert [e.frame for e in refused] == [10, 11, 12, 13, 14]
 
 
 def test_a_plain_video_is_processed_without_waiting(recorded):
