@@ -1,6 +1,7 @@
 """What the monitor keeps: bounded whatever comes, silent vehicles noticed, odd input counted."""
 
 import math
+from itertools import pairwise
 
 import msgspec
 import pytest
@@ -32,7 +33,7 @@ def test_history_is_thinned_and_bounded() -> None:
     for number in range(8_000):
         watch.take(said("one", number), number / 100)
     points = watch.vehicles["one"].points
-    gaps = [b.time_s - a.time_s for a, b in zip(list(points)[:-1], list(points)[1:], strict=True)]
+    gaps = [b.time_s - a.time_s for a, b in pairwise(points)]
     assert min(gaps) >= 1 / OPTIONS.history_hz
     assert points[-1].time_s - points[0].time_s == pytest.approx(OPTIONS.history_s, abs=1)
     assert len(points) <= OPTIONS.history_s * OPTIONS.history_hz + 1
