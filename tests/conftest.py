@@ -1,5 +1,6 @@
 """Fixtures that several subjects share."""
 
+import os
 import shutil
 from pathlib import Path
 
@@ -17,3 +18,10 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def flight(recorded: Path, tmp_path: Path) -> Path:
     """A copy of the recorded flight, to be changed at will."""
     return Path(shutil.copytree(recorded, tmp_path / "flight"))
+
+
+@pytest.fixture(scope="session")
+def replay_cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where replays are kept for all tests of a run, whichever worker asks for them."""
+    base = tmp_path_factory.getbasetemp()
+    return (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "replays"
