@@ -106,3 +106,23 @@ def test_pilot_switches_landing_on_and_off_by_radio(tmp_path) -> None:
             < names.index("landing_requested")
             < names.index("landing_disabled")
         )
+
+
+def test_two_vehicles_and_none_named_means_no_landing(tmp_path) -> None:
+    with DaemonBench(tmp_path, (0.0, 3.0), settings=("vehicle.system_id=0",)) as bench:
+        wait_for(lambda: bench.daemon.commander_connected, "connection of MAVSDK")
+        with TestVehicle(bench.port, system=2):
+            bench.play_to_end()
+        assert not bench.vehicle.land_commands()
+        assert any("set vehicle.system_id" in e["text"] for e in bench.events("mavlink_refused"))
+
+
+def test_ground_that_turns_out_unfit_is_told_and_held_over_if_asked(tmp_path) -> None:
+    """Landing begins over the platform, which ends; hold is asked for."""
+    settings = ("landing.on_unfit=hold", "landing.unfit_min_height_m=0.3")
+    with DaemonBench(tmp_path, (4.0, 9.5), settings=settings) as bench:
+        bench.play_to_end()
+        assert len(bench.vehicle.land_commands()) == 1
+        assert len(bench.events("surface_unfit")) == 1
+        asked = [c for _, c in bench.vehicle.commands if c.command in (176, 192)]
+        assert asked, "DO_SET_MODE or DO_REPOSITION"
