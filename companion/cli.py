@@ -2,6 +2,7 @@
 
 import argparse
 import importlib
+import os
 import sys
 
 from companion.errors import LandslopeError
@@ -22,7 +23,10 @@ COMMANDS = {
     "export": ("companion.export_command", "write a recorded flight for the robotics tools (MCAP)"),
     "schema": ("companion.schema_command", "print the JSON Schema of the messages"),
     "fleet": ("companion.fleet_command", "measure losses and delay of many vehicles under one zenoh router"),
-    "experiments": ("companion.experiments_command", "run the experiments of the method's paper and write a report"),
+    "experiments": (
+        "companion.experiments_command",
+        "run the experiments of the method's paper and write a report",
+    ),
     "watch": ("companion.watch_command", "show a vehicle's messages live in the terminal"),
     "install": ("companion.install_command", "install landslope as a systemd service, or take it off again"),
     "sim": ("companion.sim_command", "fly a simulated drone over simulated ground, closed loop"),
@@ -59,12 +63,18 @@ def main(argv: list[str] | None = None) -> int:
         return 2
     args = parser_for(words[0]).parse_args(words[1:])
     try:
-        return args.run(args)
+        code = args.run(args)
+        sys.stdout.flush()
+        return code
     except (LandslopeError, DriverError, LandingError) as error:
         print(f"landslope {words[0]}: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         return 130
+    except BrokenPipeError:
+        # Whoever read the output has gone; the interpreter must not try to flush the rest at its end.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
 
 
 if __name__ == "__main__":

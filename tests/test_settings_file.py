@@ -2,7 +2,10 @@
 
 import dataclasses
 import math
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -147,6 +150,16 @@ def test_check_prints_the_settings_in_force_and_they_can_be_read_back(tmp_path: 
     expected = load(file, ["vehicle.name=kestrel"]).settings
     assert load(copy).settings == expected
     assert dataclasses.asdict(expected)["decision"]["max_inclination_deg"] == 7.5
+
+
+@pytest.mark.parametrize("command", [["check"], ["schema", "event"]], ids=["long", "short"])
+def test_output_that_nobody_reads_is_no_error(command: list[str]):
+    read, write = os.pipe()
+    os.close(read)
+    words = [sys.executable, "-m", "companion.cli", *command]
+    result = subprocess.run(words, stdout=write, stderr=subprocess.PIPE, timeout=60)
+    os.close(write)
+    assert result.stderr == b""
 
 
 def test_check_ends_with_2_and_one_line_a_fault(tmp_path: Path, capsys):
