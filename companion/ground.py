@@ -17,7 +17,9 @@ SLOPE_MARGIN_DEG = 2.0
 """Plainly fit is gentler than the limit by this, plainly unfit steeper by this."""
 PATCH_M = 0.5
 """Half the side of the ground that is looked at under a vehicle."""
-PATCH_POINTS = 9
+PATCH_POINTS = 11
+UNEVEN_M = 0.1
+"""A vehicle tips over something that rises this far out of the ground it stands on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +30,11 @@ class Patch:
     east_m: float
     inclination_deg: float
     deviation_m: float
+
+
+def unsafe(patch: Patch, max_inclination_deg: float) -> bool:
+    """Whether the ground below a place is plainly no ground to land on."""
+    return patch.inclination_deg >= max_inclination_deg + SLOPE_MARGIN_DEG or patch.deviation_m >= UNEVEN_M
 
 
 def patch(world: World, north: float, east: float, half_m: float = PATCH_M) -> Patch:

@@ -16,8 +16,10 @@ from companion.core import Output, Processed
 from companion.flight_record import FlightRecord
 from companion.flight_result import FlightResult, PathPoint, Request
 from companion.ground import fitness, patch
+from companion.hardware import NAV_LAND, LocalControls
 from companion.judge import LandRequest
 from companion.live_pipeline import LivePipeline
+from companion.pilot import Pilot
 from companion.scenario import Scenario
 from companion.scene import Scene, sensor_errors
 from companion.settings import Settings
@@ -32,6 +34,7 @@ from drivers.simulated.telemetry_streams import TelemetryStreams
 EPOCH_US = 1_700_000_000_000_000
 STEP_HZ = 200
 PATH_EVERY_S = 0.05
+LONGEST_LANDING_S = 60.0
 STANDS_S = 2.0
 """How long it stands on the ground, disarmed, before the flight is over."""
 
@@ -46,7 +49,7 @@ class LockstepOptions:
     truth_every: int = 0
     """Every so many frames the truth is computed, to know how long fit ground was in view; 0: never."""
     stop_at_request: bool = False
-    """The first request ends the flight."""
+    """The first request ends the flight, but for the landing itself, which nobody watches."""
     record: Path | None = None
     """Leave a flight folder with the truth of every frame here (which costs as much as a frame)."""
 
@@ -99,9 +102,12 @@ class _Flight:
         self._sensors = Sensors(scene.vehicle, sensor_errors(scenario), seed + 1)
         streams = TelemetryStreams(self._controller, self._sensors, boot_s=-scenario.link.since_boot_s)
         protocol = AutopilotProtocol(self._controller, streams)
-        protocol.set_answer(21, scenario.link.land_answer)
+        protocol.set_answer(NAV_LAND, scenario.link.land_answer)
         self._link = VirtualLink(scenario, settings, streams, protocol, EPOCH_US, options.record is not None)
-        self._pilot = scene.begin(self._controller)
+        airborne = scenario.start.height_m > 0
+        if airborne:
+            self._controller.start_airborne(scenario.start.mode)
+        self._pilot = Pilot(scenario, LocalControls(self._controller), airborne)
         self._pipeline = LivePipeline(settings, self._take)
         record, rate_hz = options.record, scenario.camera.rate_hz
         self._record = None if record is None else FlightRecord(record, settings, rate_hz)
@@ -136,6 +142,8 @@ class _Flight:
             if result.requests and self._options.stop_at_request:
                 break
         self._pipeline.finish()
+        if result.requests and self._options.stop_at_request:
+            self._land_unwatched()
         result.duration_s = vehicle.time_s
         if vehicle.touch_downs:
             touch = vehicle.touch_downs[0]
@@ -145,6 +153,14 @@ class _Flight:
             result.folder = self._record.close(self._link.packets or [])
         result.elapsed_s = time.perf_counter() - started
         return result
+
+    def _land_unwatched(self) -> None:
+        """The rest of the flight by physics alone."""
+        vehicle, dt = self._scene.vehicle, 1.0 / STEP_HZ
+        self._controller.set_mode("LAND")
+        end_s = vehicle.time_s + LONGEST_LANDING_S
+        while not vehicle.on_ground and vehicle.time_s < end_s:
+            vehicle.step(dt, self._controller.step(dt))
 
     def _faults(self, time_s: float) -> None:
         self._link.silent = self._scene.fault("link_silent", time_s) is not None

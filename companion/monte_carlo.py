@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from companion.flight_result import FlightResult
+from companion.ground import unsafe
 from companion.lockstep import LockstepOptions, fly
 from companion.random_scenario import random_scenario
 from companion.scenario import Scenario, to_toml
@@ -36,14 +37,15 @@ class Run:
     ground: str
     fault: str
     outcome: str
-    """"right", "unfit" (requested on plainly unfit ground), "missed", "between" (requested, neither plainly)."""
+    """"right", "unsafe" (it landed on ground that is plainly not to land on), "view" (requested with plainly unfit
+    ground somewhere in view, but none where it landed), "missed", "between" (requested, neither plainly)."""
     requested_s: float | None
     inclination_deg: float | None
     """True, of the ground in view at the request."""
     relief: float | None
     patch_inclination_deg: float | None
     patch_deviation_m: float | None
-    """Of the square metre below at the request."""
+    """Of the square metre on which it touched down."""
     unfit_in_view: bool
     fit_s: float
     """Longest time of plainly fit ground in view without a break."""
@@ -81,8 +83,14 @@ class Report:
     @property
     def requested_on_unfit(self) -> Share:
         """Of the flights that saw plainly unfit ground."""
-        seen = [r for r in self.runs if r.unfit_in_view or r.outcome == "unfit"]
-        return Share(sum(r.outcome == "unfit" for r in seen), len(seen))
+        seen = [r for r in self.runs if r.unfit_in_view or r.outcome in ("unsafe", "view")]
+        return Share(sum(r.outcome == "unsafe" for r in seen), len(seen))
+
+    @property
+    def unfit_in_view(self) -> Share:
+        """Of the same flights: requested while unfit ground was in view, but not where it landed."""
+        seen = [r for r in self.runs if r.unfit_in_view or r.outcome in ("unsafe", "view")]
+        return Share(sum(r.outcome == "view" for r in seen), len(seen))
 
     @property
     def missed(self) -> Share:
@@ -100,17 +108,20 @@ class Report:
         lines = [
             f"{len(self.runs)} flights in {self.elapsed_s:.0f} s",
             f"  landing requested on plainly unfit ground   {self.requested_on_unfit}",
+            f"  requested with such ground beside           {self.unfit_in_view}",
             f"  landing missed on plainly fit ground        {self.missed}",
             f"  requested on ground that is neither         {sum(r.outcome == 'between' for r in self.runs)}",
-            "  by ground: requested, on unfit, missed",
+            "  by ground: requested, on unfit, unfit beside, missed",
         ]
         for kind, count in sorted(kinds.items()):
             runs = [r for r in self.runs if r.ground == kind]
             asked = sum(r.requested_s is not None for r in runs)
-            bad, missed = (sum(r.outcome == word for r in runs) for word in ("unfit", "missed"))
-            lines.append(f"    {kind:<8} {count:4d} flights {asked:4d} {bad:4d} {missed:4d}")
+            bad, near, missed = (
+                sum(r.outcome == word for r in runs) for word in ("unsafe", "view", "missed")
+            )
+            lines.append(f"    {kind:<8} {count:4d} flights {asked:4d} {bad:4d} {near:4d} {missed:4d}")
         for r in worst(self.runs)[:KEPT_WORST]:
-            what = f"requested at {r.requested_s:.1f} s on {r.inclination_deg:.1f} degrees, relief {r.relief:.4f}" if (
+            what = f"{r.outcome}: requested at {r.requested_s:.1f} s on {r.inclination_deg:.1f} degrees, relief {r.relief:.4f}" if (
                 r.requested_s is not None and r.inclination_deg is not None and r.relief is not None
             ) else f"missed fit ground of {r.fit_s:.1f} s"  # fmt: skip
             lines.append(f"  seed {r.seed} ({r.ground}{', ' + r.fault if r.fault else ''}): {what}")
@@ -122,6 +133,7 @@ class Report:
         return {
             "flights": len(self.runs),
             "requested_on_unfit": _figures(self.requested_on_unfit),
+            "unfit_in_view": _figures(self.unfit_in_view),
             "missed": _figures(self.missed),
             "elapsed_s": self.elapsed_s,
             "runs": [asdict(r) for r in self.runs],
@@ -144,8 +156,8 @@ def wilson(count: int, total: int) -> tuple[float, float]:
 
 def worst(runs: Sequence[Run]) -> list[Run]:
     """The runs that went wrong: requests on unfit ground, steepest and roughest first, then the longest missed."""
-    bad = [r for r in runs if r.outcome == "unfit"]
-    bad.sort(key=lambda r: -((r.inclination_deg or 0.0) + 1000 * (r.relief or 0.0)))
+    bad = [r for r in runs if r.outcome in ("unsafe", "view")]
+    bad.sort(key=lambda r: (r.outcome != "unsafe", -(r.inclination_deg or 0.0) - 1000 * (r.relief or 0.0)))
     return bad + sorted((r for r in runs if r.outcome == "missed"), key=lambda r: -r.fit_s)
 
 
@@ -176,15 +188,19 @@ def fly_one(seed: int, config: Path | None = None, overrides: Sequence[str] = ()
     """Fly the random scenario of a seed and judge it."""
     scenario = random_scenario(seed)
     options = LockstepOptions(truth_every=TRUTH_EVERY, stop_at_request=True)
-    return judge(scenario, fly(scenario, config, overrides, options))
+    limit_deg = scenario.flight_settings(config, overrides).decision.max_inclination_deg
+    return judge(scenario, fly(scenario, config, overrides, options), limit_deg)
 
 
-def judge(scenario: Scenario, result: FlightResult) -> Run:
+def judge(scenario: Scenario, result: FlightResult, max_inclination_deg: float) -> Run:
     """What a flight of a random scenario amounts to."""
     request = result.requests[0] if result.requests else None
+    below = result.touch_ground or (request.below if request else None)
     fault = scenario.faults[0].kind if scenario.faults else ""
-    if request is not None:
-        outcome = {"fit": "right", "unfit": "unfit", "between": "between"}[request.fitness]
+    if request is not None and below is not None:
+        outcome = {"fit": "right", "unfit": "view", "between": "between"}[request.fitness]
+        if unsafe(below, max_inclination_deg):
+            outcome = "unsafe"
     else:
         outcome = "missed" if result.longest_fit_s >= OPPORTUNITY_S and not fault else "right"
     return Run(
@@ -195,8 +211,8 @@ def judge(scenario: Scenario, result: FlightResult) -> Run:
         requested_s=None if request is None else round(request.time_s, 3),
         inclination_deg=None if request is None else round(request.truth.fit_inclination_deg, 2),
         relief=None if request is None else round(request.truth.relief, 5),
-        patch_inclination_deg=None if request is None else round(request.below.inclination_deg, 2),
-        patch_deviation_m=None if request is None else round(request.below.deviation_m, 3),
+        patch_inclination_deg=None if below is None else round(below.inclination_deg, 2),
+        patch_deviation_m=None if below is None else round(below.deviation_m, 3),
         unfit_in_view=result.unfit_seen,
         fit_s=round(result.longest_fit_s, 2),
         elapsed_s=round(result.elapsed_s, 2),

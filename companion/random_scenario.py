@@ -165,5 +165,5 @@ def _legs(r: random.Random, speed: float, height: float) -> tuple[Leg, ...]:
 def _faults(r: random.Random) -> tuple[Fault, ...]:
     if r.random() >= FAULT_SHARE:
         return ()
-    kind = r.choice(("camera_frozen", "camera_lost", "camera_dark", "link_silent", "autopilot_reboot"))
+    kind: Any = r.choice(("camera_frozen", "camera_lost", "camera_dark", "link_silent", "autopilot_reboot"))
     return (Fault(kind, round(r.uniform(1, 4.5), 2), round(r.uniform(0.3, 2.0), 2)),)

@@ -1,4 +1,4 @@
-"""The hardware of a scenario: world, camera, vehicle, sensors and the pilot who flies its legs."""
+"""What a scenario puts into the world: ground, camera and vehicle, and the faults of the camera."""
 
 import math
 from dataclasses import replace
@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.scenario import ENABLE_CHANNEL, Fault, Leg, Scenario
+from companion.scenario import Fault, Scenario
 from drivers.simulated.camera import SensorOptions, SimulatedCamera
-from drivers.simulated.flight_controller import FlightController
 from drivers.simulated.lens import Lens
 from drivers.simulated.pose_history import PoseHistory
 from drivers.simulated.render import Renderer
@@ -19,89 +18,6 @@ from drivers.simulated.world import World
 from landing.camera import CameraModel, body_from_camera
 
 TEXTURE_SIZE = 512
-SETPOINT_S = 0.05
-SWITCH_ON_US = 2000
-HEIGHT_GAIN = 1.2
-"""Climb per metre of height that is missing, 1/s."""
-MAX_FOLLOW_M_S = 1.2
-"""Fastest climb or sink with which a height over the ground is followed."""
-
-
-class Pilot:
-    """Flies the legs in GUIDED until somebody else takes over; knows the ground as a range finder does."""
-
-    def __init__(self, scenario: Scenario, controller: FlightController) -> None:
-        self._legs = scenario.legs
-        self._start = scenario.start
-        self._controller = controller
-        self._faults = [f for f in scenario.faults if f.kind == "mode_change"]
-        self._heading = math.radians(scenario.start.heading_deg)
-        self._next_s = 0.0
-        self._legs_from_s: float | None = None
-        self._switched = False
-        self._enable_s = scenario.pilot.switch_on_s
-
-    @property
-    def flying(self) -> bool:
-        """Whether the legs have begun."""
-        return self._legs_from_s is not None
-
-    def step(self, time_s: float) -> None:
-        """To be called before every step of the physics."""
-        if time_s < self._next_s:
-            return
-        self._next_s = time_s + SETPOINT_S
-        if time_s >= self._enable_s > 0:
-            self._controller.pulse_us[ENABLE_CHANNEL - 1] = SWITCH_ON_US
-        for fault in self._faults:
-            if time_s >= fault.at_s:
-                self._faults.remove(fault)
-                self._controller.set_mode(fault.mode)
-                return
-        if self._legs_from_s is None and not self._in_the_air(time_s):
-            return
-        leg = self._leg(time_s - (self._legs_from_s or 0.0))
-        if leg is not None:
-            self._fly(leg)
-
-    def _in_the_air(self, time_s: float) -> bool:
-        c = self._controller
-        if self._start.height_m > 0:
-            if self._start.mode != "GUIDED":
-                c.pulse_us[2] = 1500
-            self._legs_from_s = time_s
-            return True
-        if not c.armed and not self._switched:
-            self._switched = c.set_mode("GUIDED") and c.arm() and c.take_off(self._start.take_off_m)
-        elif c.vehicle.height_above_ground > 0.95 * self._start.take_off_m:
-            self._legs_from_s = time_s
-        return self._legs_from_s is not None
-
-    def _leg(self, flown_s: float) -> Leg | None:
-        for leg in self._legs:
-            if flown_s < leg.seconds:
-                return leg
-            flown_s -= leg.seconds
-        return None
-
-    def _fly(self, leg: Leg) -> None:
-        c = self._controller
-        self._heading += math.radians(leg.turn_deg_s) * SETPOINT_S
-        cos, sin = math.cos(self._heading), math.sin(self._heading)
-        north = leg.forward_m_s * cos - leg.right_m_s * sin
-        east = leg.forward_m_s * sin + leg.right_m_s * cos
-        climb = leg.climb_m_s
-        if leg.height_m > 0:
-            missing = leg.height_m - self._height(north, east)
-            climb = min(max(HEIGHT_GAIN * missing, -MAX_FOLLOW_M_S), MAX_FOLLOW_M_S)
-        c.fly((north, east, -climb), self._heading)
-
-    def _height(self, north_m_s: float, east_m_s: float) -> float:
-        """Over the ground, smoothed over the way of half a second to either side, as filters do it."""
-        v = self._controller.vehicle
-        n, e, down = v.position
-        grounds = [v.ground(n + s * north_m_s, e + s * east_m_s) for s in (-0.5, -0.25, 0.0, 0.25, 0.5)]
-        return -down - sum(grounds) / len(grounds)
 
 
 class Scene:
@@ -122,8 +38,9 @@ class Scene:
         highest = -float(self.world.vertices[:, :, 2].min())
         self.vehicle = Multirotor(wind=wind, ground=ground, highest_ground=highest, seed=scenario.basics.seed)
         start = scenario.start
-        height = start.height_m or None
-        self.vehicle.place(start.north_m, start.east_m, height, math.radians(start.heading_deg))
+        self.heading = math.radians(start.heading_deg)
+        """Of the nose at the start, rad."""
+        self.vehicle.place(start.north_m, start.east_m, start.height_m or None, self.heading)
         self.lens, self.camera_model = _optics(scenario)
         renderer = Renderer(
             self.world, self.lens, texture_seed=scenario.basics.texture_seed, texture_size=TEXTURE_SIZE
@@ -137,12 +54,6 @@ class Scene:
         self.poses = PoseHistory()
         self.poses.add(self.vehicle)
         self._frozen: NDArray[np.uint8] | None = None
-
-    def begin(self, controller: FlightController) -> Pilot:
-        """Put the vehicle into the air where the scenario begins there; the pilot of the flight."""
-        if self.scenario.start.height_m > 0:
-            controller.start_airborne(self.scenario.start.mode)
-        return Pilot(self.scenario, controller)
 
     def picture(self, number: int, time_s: float, flown_s: float) -> NDArray[np.uint8] | None:
         """What the camera delivers of the exposure at ``time_s``, ``flown_s`` into the scenario's flight; or None."""

@@ -97,17 +97,18 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _fly(args: argparse.Namespace, scenario: Any, progress: Any) -> Any:
-    if args.autopilot == "ardupilot":
-        from companion.sitl_flight import fly_sitl
-
-        return fly_sitl(scenario, args.config, args.overrides, args.connect, args.record, progress)
     if args.lockstep:
         from companion.lockstep import LockstepOptions, fly
 
         return fly(scenario, args.config, args.overrides, LockstepOptions(record=args.record), progress)
-    from companion.simulation import LiveOptions, fly_live
+    from companion.simulation import ArduPilot, LiveOptions, fly_live
 
-    options = LiveOptions(args.speed, args.record, args.watch)
+    ardupilot = None
+    if args.autopilot == "ardupilot":
+        if args.speed != 1.0:
+            raise LandslopeError("--speed is SITL's own with --autopilot ardupilot: start it with --speedup")
+        ardupilot = ArduPilot(args.connect, args.pilot, args.physics_port)
+    options = LiveOptions(args.speed, args.record, args.watch, ardupilot)
     return fly_live(scenario, args.config, args.overrides, options, progress)
 
 
@@ -123,7 +124,7 @@ def _many(args: argparse.Namespace) -> int:
     print(report.in_words())
     if args.report is not None:
         args.report.write_text(json.dumps(report.as_table(), indent=1), encoding="utf-8")
-    return 1 if report.requested_on_unfit else 0
+    return 1 if report.requested_on_unfit.count else 0
 
 
 @contextmanager

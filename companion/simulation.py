@@ -20,31 +20,40 @@ from companion.daemon import Daemon
 from companion.errors import LandslopeError
 from companion.flight_result import FlightResult, PathPoint, Request
 from companion.ground import fitness, patch
+from companion.hardware import BuiltIn, Hardware, Sitl
 from companion.lockstep import PATH_EVERY_S, STANDS_S, flight_settings
-from companion.messages import TOPICS, Event
+from companion.messages import TOPICS, Event, Message
+from companion.pilot import Pilot
 from companion.publisher import endpoints
 from companion.scenario import Scenario
-from companion.scene import Scene, sensor_errors
+from companion.scene import Scene
 from companion.settings import Settings
 from drivers import host_clock
 from drivers.bus import Delivery, Subscription
 from drivers.cameras.interface import Camera, Notify, ReaderLimits
 from drivers.cameras.reader import ReaderCamera
 from drivers.errors import DriverError
-from drivers.simulated.autopilot import LinkFaults, SimulatedAutopilot
+from drivers.simulated.ardupilot_json import PORT
 from drivers.simulated.live_camera import SimulatedGrabber
 
 READY_S = 20.0
 """How long MAVSDK, link and camera may take to find each other."""
 SETTLE_S = 1.0
 """Simulated time that the vehicle hangs still once they have."""
-STEP_HZ = 250.0
 POLL_S = 0.05
 DRAIN_S = 0.5
 TYPES = {topic.name: topic.type for topic in TOPICS if topic.type is not None}
-NAV_LAND = 21
 
 Progress = Callable[[float, float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class ArduPilot:
+    """Where a SITL is reached: MAVLink of the daemon and of the pilot, and the physics' UDP port."""
+
+    connection: str = "tcp:127.0.0.1:5760"
+    pilot: str = "tcp:127.0.0.1:5762"
+    physics_port: int = PORT
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +66,8 @@ class LiveOptions:
     """Where a flight folder is left."""
     watch: bool = False
     """Keep the vehicle's name and its bus as the settings say, for others to watch."""
+    ardupilot: ArduPilot | None = None
+    """Fly a SITL instead of the built-in autopilot."""
 
 
 def fly_live(
@@ -75,38 +86,39 @@ def fly_live(
         host_clock.run_at(options.speed)
         scene = Scene(scenario)
         settings = flight_settings(scenario, scene, directory, config, overrides)
-        flight = _LiveFlight(scenario, scene, settings, options, stack)
+        hardware = _hardware(scenario, scene, options)
+        flight = _LiveFlight(scenario, scene, hardware, settings, options, stack)
         return flight.run(progress)
+
+
+def _hardware(scenario: Scenario, scene: Scene, options: LiveOptions) -> Hardware:
+    if options.ardupilot is None:
+        return BuiltIn(scenario, scene, options.speed)
+    a = options.ardupilot
+    return Sitl(scenario, scene, a.connection, a.pilot, a.physics_port)
 
 
 class _LiveFlight:
     def __init__(
-        self, scenario: Scenario, scene: Scene, settings: Settings, options: LiveOptions, stack: ExitStack
+        self,
+        scenario: Scenario,
+        scene: Scene,
+        hardware: Hardware,
+        settings: Settings,
+        options: LiveOptions,
+        stack: ExitStack,
     ) -> None:
         self._scenario, self._scene = scenario, scene
+        self._airborne = scenario.start.height_m > 0 and options.ardupilot is None
+        self._pilot: Pilot | None = None
         self._limit_deg = settings.decision.max_inclination_deg
-        link = scenario.link
-        self._autopilot = SimulatedAutopilot(
-            "udpin:127.0.0.1:0",
-            scene.vehicle,
-            errors=sensor_errors(scenario),
-            link=LinkFaults((link.delay_min_s, max(link.delay_min_s, link.delay_max_s)), link.loss),
-            since_boot_s=link.since_boot_s,
-            step_hz=STEP_HZ,
-            speed=options.speed,
-            seed=scenario.basics.seed,
-        )
-        stack.callback(self._autopilot.stop)
-        self._autopilot.set_answer(NAV_LAND, link.land_answer)
-        self._autopilot.before_step = self._before_step
-        self._autopilot.after_step = lambda time_s: scene.poses.add(scene.vehicle)
-        self._pilot = scene.begin(self._autopilot.controller)
+        self._hardware = hardware
+        stack.callback(hardware.stop)
         self._zero_s: float | None = None
         self._path_due_s = 0.0
-        self._rebooted = False
         self._exposures: deque[tuple[int, float]] = deque(maxlen=400)
         self.result = FlightResult(scenario.name)
-        settings = _wired(settings, self._autopilot.port, options)
+        settings = _wired(settings, hardware.connection, options)
         self._daemon = Daemon(settings, self._open_camera)
         self._failure: BaseException | None = None
         self._thread = threading.Thread(target=self._run_daemon, name="daemon", daemon=True)
@@ -117,7 +129,8 @@ class _LiveFlight:
 
     def run(self, progress: Progress) -> FlightResult:
         started = time.perf_counter()
-        self._autopilot.start()
+        self._hardware.start(self._before_step, lambda time_s: self._scene.poses.add(self._scene.vehicle))
+        self._pilot = Pilot(self._scenario, self._hardware.controls, self._airborne)
         self._thread.start()
         try:
             self._await_ready()
@@ -135,13 +148,6 @@ class _LiveFlight:
             result.touch_down = replace(touch, time_s=touch.time_s - (self._zero_s or 0.0))
             result.touch_ground = patch(self._scene.world, touch.position[0], touch.position[1])
         result.elapsed_s = time.perf_counter() - started
-        sent = sum(c.command == NAV_LAND for c in self._autopilot.commands)
-        if (
-            sent < len(result.requests)
-            and self._scenario.link.land_answer == "normal"
-            and not self._scenario.faults
-        ):
-            result.problems.append(f"{len(result.requests)} landings were requested, {sent} commands came")
         return result
 
     # -- the daemon and what stands around it ------------------------------------------------------------
@@ -163,7 +169,7 @@ class _LiveFlight:
         def make() -> SimulatedGrabber:
             return SimulatedGrabber(
                 self._picture,
-                lambda: self._autopilot.now_s,
+                lambda: self._hardware.now_s,
                 lambda: self._scene.poses.newest_s,
                 rate_hz=camera.rate_hz,
                 late_s=camera.late_s,
@@ -173,7 +179,7 @@ class _LiveFlight:
         return ReaderCamera("simulated", make, ReaderLimits(), notify)
 
     def _picture(self, number: int, time_s: float) -> NDArray[np.uint8] | None:
-        companion_us = host_clock.now_us() - round((self._autopilot.now_s - time_s) * 1e6)
+        companion_us = host_clock.now_us() - round((self._hardware.now_s - time_s) * 1e6)
         self._exposures.append((companion_us, time_s))
         return self._scene.picture(number, time_s, time_s - (self._zero_s or np.inf))
 
@@ -186,20 +192,21 @@ class _LiveFlight:
             self._drain(POLL_S)
 
     def _begin(self) -> None:
-        with self._autopilot.lock:
-            zero_s = self._autopilot.time_s
-            self.result.epoch_us = host_clock.now_us() - round((self._autopilot.now_s - zero_s) * 1e6)
-            self._zero_s = zero_s
+        zero_s = self._scene.vehicle.time_s
+        self.result.epoch_us = host_clock.now_us() - round((self._hardware.now_s - zero_s) * 1e6)
+        self._zero_s = zero_s
 
     def _watch_to_the_end(self, progress: Progress) -> None:
-        vehicle, controller = self._scene.vehicle, self._autopilot.controller
+        vehicle = self._scene.vehicle
         zero_s = self._zero_s or 0.0
         stood_from: float | None = None
         while vehicle.time_s - zero_s < self._scenario.basics.duration_s:
             self._raise_failure()
             self._drain(POLL_S)
             progress(vehicle.time_s - zero_s, self._scenario.basics.duration_s)
-            if not (self._pilot.flying and vehicle.on_ground and not controller.armed):
+            if self._pilot is None or not (
+                self._pilot.flying and vehicle.on_ground and not self._hardware.armed
+            ):
                 stood_from = None
             elif stood_from is None:
                 stood_from = vehicle.time_s
@@ -209,15 +216,11 @@ class _LiveFlight:
     # -- the vehicle's side: called by the physics -------------------------------------------------------
 
     def _before_step(self, time_s: float) -> None:
-        if self._zero_s is None:
+        if self._zero_s is None or self._pilot is None:
             return
         flown_s = time_s - self._zero_s
         self._pilot.step(flown_s)
-        self._autopilot.link.silent = self._scene.fault("link_silent", flown_s) is not None
-        reboot = self._scene.fault("autopilot_reboot", flown_s)
-        if reboot is not None and not self._rebooted:
-            self._rebooted = True
-            self._autopilot.reboot(reboot.seconds)
+        self._hardware.apply_faults(self._scene, flown_s)
         if flown_s >= self._path_due_s:
             self._path_due_s = flown_s + PATH_EVERY_S
             self.result.path.append(self._point(flown_s))
@@ -225,7 +228,7 @@ class _LiveFlight:
     def _point(self, flown_s: float) -> PathPoint:
         v = self._scene.vehicle
         n, e, d = v.position
-        return PathPoint(flown_s, n, e, -d, v.ground(n, e), self._autopilot.controller.mode)
+        return PathPoint(flown_s, n, e, -d, v.ground(n, e), self._hardware.mode)
 
     # -- the watcher's side ------------------------------------------------------------------------------
 
@@ -241,7 +244,7 @@ class _LiveFlight:
         kind = TYPES.get(delivery.topic)
         if kind is None:
             return
-        message = msgspec.json.decode(delivery.payload, type=kind)
+        message: Message = msgspec.json.decode(delivery.payload, type=kind)
         self.result.add(message)
         if isinstance(message, Event) and message.event == "landing_requested":
             self._request(message)
@@ -255,8 +258,7 @@ class _LiveFlight:
         zero_s = self._zero_s or 0.0
         time_s = exposed_s[-1] if exposed_s else self._scene.vehicle.time_s
         truth = self._scene.truth(event.frame or 0, time_s)
-        pose = self._scene.poses.at(time_s)
-        n, e, d = (float(x) for x in pose.position)
+        n, e, d = (float(x) for x in self._scene.poses.at(time_s).position)
         where = PathPoint(time_s - zero_s, n, e, -d, self._scene.world.height_at(n, e), "GUIDED")
         self.result.requests.append(
             Request(
@@ -270,7 +272,7 @@ class _LiveFlight:
         )
 
 
-def _wired(settings: Settings, port: int, options: LiveOptions) -> Settings:
+def _wired(settings: Settings, connection: str, options: LiveOptions) -> Settings:
     """The settings with the simulated link, a bus that can be watched, and a name of this process's own."""
     zenoh, vehicle, record = settings.zenoh, settings.vehicle, settings.record
     if not zenoh.listen:
@@ -279,7 +281,7 @@ def _wired(settings: Settings, port: int, options: LiveOptions) -> Settings:
         vehicle = replace(vehicle, name=f"{vehicle.name}-simulated-{os.getpid()}")
     if options.record is not None:
         record = replace(record, directory=str(options.record), when="always")
-    mavlink = replace(settings.mavlink, connection=f"udpout:127.0.0.1:{port}")
+    mavlink = replace(settings.mavlink, connection=connection)
     return replace(settings, zenoh=zenoh, vehicle=vehicle, mavlink=mavlink, record=record)
 
 
