@@ -10,6 +10,7 @@ from companion.command import NAV_LAND
 from companion.core import LandRequest
 from drivers.autopilot import Autopilot, Outcome
 from drivers.errors import DriverError
+from drivers.events import DriverEvent
 from drivers.host_clock import now_us
 from drivers.link import Link
 from drivers.samples import CommandAnswer, Sample
@@ -23,14 +24,20 @@ LONGEST_COMMAND_S = 12.0
 
 
 class Commander:
-    """Owns MAVSDK. ``on_samples`` gets a CommandAnswer where the autopilot itself gave none.
+    """Owns MAVSDK. ``on_samples`` gets an answer where the autopilot gave none, ``on_event`` how a hold ended.
 
     The autopilot's own answers reach the pipeline through the link, like all its messages.
     """
 
-    def __init__(self, link: Link, on_samples: Callable[[list[Sample]], None]) -> None:
+    def __init__(
+        self,
+        link: Link,
+        on_samples: Callable[[list[Sample]], None],
+        on_event: Callable[[DriverEvent], None] = lambda event: None,
+    ) -> None:
         self._link = link
         self._on_samples = on_samples
+        self._on_event = on_event
         self._autopilot = Autopilot(link)
         self._orders: queue.SimpleQueue[Literal["land", "hold"]] = queue.SimpleQueue()
         self._open = 0
@@ -102,5 +109,10 @@ class Commander:
         else:
             outcome = self._autopilot.land()
         log.info("%s: %s (MAVSDK: %s)", order, outcome.result.lower().replace("_", " "), outcome.mavsdk)
-        if order == "land" and outcome.result not in outcome.answers:
+        if order == "hold":
+            done = outcome.result == "ACCEPTED"
+            words = outcome.result.lower().replace("_", " ")
+            name, severity = ("hold_accepted", "info") if done else ("hold_failed", "error")
+            self._on_event(DriverEvent(name, severity, f"hold: {words}", now_us()))
+        elif outcome.result not in outcome.answers:
             self._on_samples([CommandAnswer(now_us(), NAV_LAND, outcome.result)])

@@ -65,7 +65,7 @@ class Daemon:
             self._commander = None
             if self._link is not None:
                 self._link.may_beat = self._alive
-                self._commander = Commander(self._link, self._inbox.put)
+                self._commander = Commander(self._link, self._inbox.put, self._inbox.tell)
                 self._link.start()
                 stack.callback(self._link.close)
                 self._commander.start()

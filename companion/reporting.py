@@ -21,7 +21,7 @@ SEVERITIES = {
     "warning": dialect.MAV_SEVERITY_WARNING,
     "error": dialect.MAV_SEVERITY_CRITICAL,
 }
-TOLD_EVENTS = ("landing_", "surface_unfit")
+TOLD_EVENTS = ("landing_", "surface_unfit", "hold_")
 """Beginnings of the names of events that are told; everything else the verdict and the health tell."""
 BOOT_WRAP_MS = 2**32
 

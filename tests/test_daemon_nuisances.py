@@ -126,3 +126,4 @@ def test_ground_that_turns_out_unfit_is_told_and_held_over_if_asked(tmp_path) ->
         assert len(bench.events("surface_unfit")) == 1
         asked = [c for _, c in bench.vehicle.commands if c.command in (176, 192)]
         assert asked, "DO_SET_MODE or DO_REPOSITION"
+        assert len(bench.events("hold_accepted")) == 1

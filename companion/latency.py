@@ -1,0 +1,321 @@
+"""What the daemon costs: latency from a frame's capture to its zenoh sample, processor time and memory, measured live.
+
+The daemon runs as a process of its own; here a stream of pictures, a simulated autopilot's telemetry and a
+subscriber stand around it. All clocks are this machine's monotonic one, so times may be subtracted.
+"""
+
+import json
+import os
+import signal
+import socket
+import statistics
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from bisect import bisect_left, bisect_right
+from contextlib import ExitStack
+from dataclasses import dataclass
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from companion.errors import LandslopeError
+from drivers.bus import Endpoints, Subscription
+from drivers.host_clock import now_us
+
+FRAME_RATE_HZ = 30.0
+TELEMETRY_RATE_HZ = 100.0
+STEP_PX = 2
+"""How far the ground moves from frame to frame at 320 pixels across."""
+LOOP_FRAMES = 90
+SETTLE_S = 3.0
+START_S = 30.0
+GUIDED_ARMED = (81 | 128, 4)
+_BOUNDARY = b"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n"
+
+
+@dataclass(frozen=True, slots=True)
+class LatencyFigures:
+    """One size of image. Latencies in ms, memory in MB (10^6 bytes)."""
+
+    width: int
+    height: int
+    seconds: float
+    frames: int
+    rate_hz: float
+    total_median_ms: float
+    """From the sending of a frame to the zenoh sample of its estimate, the wait for the next attitude included."""
+    total_p95_ms: float
+    software_median_ms: float
+    """From the moment frame and attitude behind it had both been sent: what the software adds."""
+    software_p95_ms: float
+    cpu_ms_per_frame: float
+    rss_mb: float
+    growth_mb_per_10_min: float
+    start_to_estimate_s: float
+
+
+def measure(width: int, height: int, seconds: float) -> LatencyFigures:
+    """Run the daemon at one image size for ``seconds``. Raises LandslopeError when it does not come up."""
+    with ExitStack() as stack:
+        directory = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="landslope-benchmark-")))
+        pictures = stack.enter_context(_PictureServer(width, height))
+        link, bus = _free_port(socket.SOCK_DGRAM), _free_port(socket.SOCK_STREAM)
+        telemetry = stack.enter_context(_Telemetry(link))
+        name = f"benchmark{bus}"
+        settings = (
+            f"camera.source=http://127.0.0.1:{pictures.port}/",
+            f"mavlink.connection=udpin:127.0.0.1:{link}",
+            f"zenoh.listen=tcp/127.0.0.1:{bus}",
+            f"vehicle.name={name}",
+        )
+        started = time.monotonic()
+        process = _daemon(settings, directory)
+        stack.callback(_end, process)
+        subscription = stack.enter_context(Subscription(Endpoints(connect=(f"tcp/127.0.0.1:{bus}",)), name))
+        first_s = _wait_for_estimate(subscription, process, started)
+        _collect(subscription, SETTLE_S)
+        before = _usage(process.pid)
+        received = _collect(subscription, seconds)
+        after = _usage(process.pid)
+        return _figures(
+            (width, height), seconds, received, (before, after), pictures.sent_us, telemetry.sent_us, first_s
+        )
+
+
+def table(figures: list[LatencyFigures]) -> str:
+    """The figures as text, one line a size."""
+    head = (
+        f"{'size':>10} {'frames':>7} {'Hz':>6} {'capture to sample, ms':>22} {'of it software, ms':>19} "
+        f"{'CPU ms/frame':>13} {'RSS MB':>7} {'MB/10 min':>10}"
+    )
+    lines = [head, f"{'':>10} {'':>7} {'':>6} {'median / p95':>22} {'median / p95':>19}"]
+    for f in figures:
+        lines.append(
+            f"{f'{f.width}x{f.height}':>10} {f.frames:>7} {f.rate_hz:>6.1f} "
+            f"{f'{f.total_median_ms:.1f} / {f.total_p95_ms:.1f}':>22} "
+            f"{f'{f.software_median_ms:.1f} / {f.software_p95_ms:.1f}':>19} "
+            f"{f.cpu_ms_per_frame:>13.1f} {f.rss_mb:>7.0f} {f.growth_mb_per_10_min:>10.1f}"
+        )
+    return "\n".join(lines)
+
+
+class _PictureServer:
+    """A ground that passes by under the camera, as MJPEG over HTTP; remembers when each frame was sent."""
+
+    def __init__(self, width: int, height: int) -> None:
+        self.sent_us: list[int] = []
+        pictures = _ground(width, height)
+        stop = self._stop = threading.Event()
+        sent_us = self.sent_us
+
+        class Page(BaseHTTPRequestHandler):
+            def do_GET(self) -> None:
+                self.send_response(200)
+                self.send_header("Content-Type", "multipart/x-mixed-replace; boundary=frame")
+                self.end_headers()
+                due, number = time.monotonic(), 0
+                try:
+                    while not stop.is_set():
+                        jpeg = pictures[number % len(pictures)]
+                        sent_us.append(now_us())
+                        self.wfile.write(_BOUNDARY % len(jpeg) + jpeg + b"\r\n")
+                        number += 1
+                        due += 1 / FRAME_RATE_HZ
+                        time.sleep(max(0.0, due - time.monotonic()))
+                except OSError:
+                    return  # the daemon left
+
+            def log_message(self, *args: object) -> None:
+                """Nothing."""
+
+        self._server = ThreadingHTTPServer(("127.0.0.1", 0), Page)
+        self._server.daemon_threads = True
+        self.port = self._server.server_address[1]
+        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True)
+
+    def __enter__(self) -> "_PictureServer":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        self._server.shutdown()
+        self._server.server_close()
+
+
+class _Telemetry:
+    """An autopilot that hovers level: telemetry at the usual rates; remembers when each ATTITUDE was sent."""
+
+    def __init__(self, port: int) -> None:
+        self.sent_us: list[int] = []
+        self._target = ("127.0.0.1", port)
+        self._mav = dialect.MAVLink(None, 1, 1)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self) -> "_Telemetry":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        self._thread.join()
+        self._socket.close()
+
+    def _run(self) -> None:
+        start = due = time.monotonic()
+        number = 0
+        while not self._stop.is_set():
+            boot_us = round((time.monotonic() - start) * 1e6) + 1_000_000
+            self._send(dialect.MAVLink_raw_imu_message(boot_us, 0, 0, -1000, 0, 0, 0, 0, 0, 0))
+            self._send(dialect.MAVLink_attitude_message(boot_us // 1000, 0, 0, 0, 0, 0, 0))
+            self.sent_us.append(now_us())
+            if number % 4 == 0:
+                self._send(dialect.MAVLink_local_position_ned_message(boot_us // 1000, 0, 0, -2, 0.5, 0, 0))
+            if number % 50 == 0:
+                self._send(dialect.MAVLink_extended_sys_state_message(0, 2))
+                base, mode = GUIDED_ARMED
+                self._send(dialect.MAVLink_heartbeat_message(2, 3, base, mode, 4, 3))
+            number += 1
+            due += 1 / TELEMETRY_RATE_HZ
+            time.sleep(max(0.0, due - time.monotonic()))
+
+    def _send(self, message: dialect.MAVLink_message) -> None:
+        try:
+            self._socket.sendto(bytes(message.pack(self._mav)), self._target)
+        except OSError:
+            return  # nobody listens yet
+        finally:
+            self._mav.seq = (self._mav.seq + 1) % 256
+
+
+def _ground(width: int, height: int) -> list[bytes]:
+    """JPEGs of a textured ground moving by, in a loop."""
+    step = max(1, round(STEP_PX * width / 320))
+    random = np.random.default_rng(1)
+    noise = random.random((height, step * LOOP_FRAMES), np.float32)
+    grain = cv2.GaussianBlur(np.tile(noise, 3), (0, 0), 1.5 * width / 320)[
+        :, step * LOOP_FRAMES : 2 * step * LOOP_FRAMES
+    ]
+    texture = np.tile(_scaled(np.asarray(grain, np.float32)), (1, 2 + width // (step * LOOP_FRAMES)))
+    pictures = [texture[:, step * i : step * i + width] for i in range(LOOP_FRAMES)]
+    return [cv2.imencode(".jpg", np.ascontiguousarray(p))[1].tobytes() for p in pictures]
+
+
+def _scaled(grain: NDArray[np.float32]) -> NDArray[np.uint8]:
+    low, high = float(grain.min()), float(grain.max())
+    return ((grain - low) * (235 / (high - low)) + 10).astype(np.uint8)
+
+
+def _daemon(settings: tuple[str, ...], directory: Path) -> "subprocess.Popen[bytes]":
+    arguments = [argument for setting in settings for argument in ("--set", setting)]
+    return subprocess.Popen(
+        [sys.executable, "-m", "companion.cli", "run", *arguments],
+        stderr=(directory / "log").open("wb"),
+        env=os.environ | {"XDG_RUNTIME_DIR": str(directory)},
+    )
+
+
+def _end(process: "subprocess.Popen[bytes]") -> None:
+    process.send_signal(signal.SIGTERM)
+    try:
+        process.wait(15)
+    except subprocess.TimeoutExpired:
+        process.kill()
+
+
+def _wait_for_estimate(
+    subscription: Subscription, process: "subprocess.Popen[bytes]", started: float
+) -> float:
+    while time.monotonic() - started < START_S:
+        delivery = subscription.receive(0.1)
+        if delivery is not None and delivery.topic == "estimate":
+            return time.monotonic() - started
+        if process.poll() is not None:
+            raise LandslopeError(
+                f"the daemon ended with {process.returncode}: run 'landslope run' to see why"
+            )
+    raise LandslopeError(f"the daemon made no estimate within {START_S:g} s: run 'landslope run' to see why")
+
+
+def _collect(subscription: Subscription, seconds: float) -> list[tuple[int, dict[str, object]]]:
+    """(arrival in us, estimate) of everything that comes."""
+    until = time.monotonic() + seconds
+    received = []
+    while time.monotonic() < until:
+        delivery = subscription.receive(0.1)
+        if delivery is not None and delivery.topic == "estimate":
+            received.append((now_us(), json.loads(delivery.payload)))
+    return received
+
+
+@dataclass(frozen=True, slots=True)
+class _Usage:
+    cpu_s: float
+    rss_bytes: int
+
+
+def _usage(pid: int) -> _Usage:
+    """Processor time and resident memory of a process, from /proc."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+    ticks = int(fields[11]) + int(fields[12])
+    return _Usage(ticks / os.sysconf("SC_CLK_TCK"), pages * os.sysconf("SC_PAGE_SIZE"))
+
+
+def _figures(
+    size: tuple[int, int],
+    seconds: float,
+    received: list[tuple[int, dict[str, object]]],
+    usage: tuple[_Usage, _Usage],
+    frames_us: list[int],
+    attitudes_us: list[int],
+    first_s: float,
+) -> LatencyFigures:
+    if len(received) < 2:
+        raise LandslopeError(
+            f"the daemon made {len(received)} estimates in {seconds:g} s: nothing to measure"
+        )
+    total, software = [], []
+    for arrived_us, estimate in received:
+        exposed_us = int(str(estimate["time_unix_us"]))
+        sent_us = frames_us[max(0, bisect_right(frames_us, exposed_us) - 1)]
+        behind = bisect_left(attitudes_us, exposed_us)
+        ready_us = max(sent_us, attitudes_us[behind]) if behind < len(attitudes_us) else sent_us
+        total.append((arrived_us - sent_us) / 1e3)
+        software.append((arrived_us - ready_us) / 1e3)
+    before, after = usage
+    return LatencyFigures(
+        *size,
+        seconds=seconds,
+        frames=len(received),
+        rate_hz=len(received) / seconds,
+        total_median_ms=statistics.median(total),
+        total_p95_ms=_percentile(total, 0.95),
+        software_median_ms=statistics.median(software),
+        software_p95_ms=_percentile(software, 0.95),
+        cpu_ms_per_frame=(after.cpu_s - before.cpu_s) * 1e3 / len(received),
+        rss_mb=after.rss_bytes / 1e6,
+        growth_mb_per_10_min=(after.rss_bytes - before.rss_bytes) / 1e6 * 600 / seconds,
+        start_to_estimate_s=first_s,
+    )
+
+
+def _percentile(values: list[float], share: float) -> float:
+    ordered = sorted(values)
+    return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
+
+
+def _free_port(kind: socket.SocketKind) -> int:
+    with socket.socket(socket.AF_INET, kind) as s:
+        s.bind(("127.0.0.1", 0))
+        return int(s.getsockname()[1])

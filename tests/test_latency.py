@@ -1,0 +1,13 @@
+"""The measurement of the daemon's cost gives figures that can be true."""
+
+from companion.latency import measure, table
+
+
+def test_figures_of_a_short_run_are_possible() -> None:
+    figures = measure(160, 120, 2.0)
+    assert 10 < figures.frames <= 75
+    assert 0 < figures.software_median_ms <= figures.total_median_ms < 1000
+    assert figures.software_median_ms <= figures.software_p95_ms
+    assert 0 < figures.cpu_ms_per_frame < 200
+    assert 30 < figures.rss_mb < 400
+    assert "160x120" in table([figures])
