@@ -134,3 +134,15 @@ def test_the_command_refuses_what_cannot_work(
     assert "belong together" in capsys.readouterr().err
     assert main(["monitor", *where, "--foxglove", "--host", "0.0.0.0"]) == 2
     assert "loopback only" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("words", "extra"), [((), "monitor"), (("--foxglove",), "record")])
+def test_a_missing_extra_is_named(
+    words: tuple[str, ...],
+    extra: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert main(["monitor", "--connect", free_endpoint(), *words]) == 2
+    assert f"pip install 'landslope[{extra}]'" in capsys.readouterr().err

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from monitor_support import decision, estimate, event
 
-from companion.messages import Estimate, encode
+from companion.messages import Decision, Estimate, encode
 from companion.monitor import words
 from companion.monitor.charts import CHARTS, series_of
 from companion.monitor.options import MonitorOptions
@@ -68,6 +68,70 @@ def test_what_cannot_be_understood_is_counted(delivery: Delivery) -> None:
     watch.take(delivery, 1.0)
     assert watch.vehicles["one"].refused == 1
     assert watch.vehicles["one"].heard_s == 0.0
+
+
+NESTED = b"[" * 50_000 + b"]" * 50_000
+
+
+@pytest.mark.parametrize(
+    ("topic", "old", "new"),
+    [
+        ("event", b'"details":{}', b'"details":{"a":' + NESTED + b"}"),
+        ("event", b'"time_unix_us":', b'"time_unix_us":9'),
+        ("event", b'"time_unix_us":', b'"time_unix_us":-'),
+        ("estimate", b'"frame":1', b'"frame":' + b"9" * 40),
+        ("preview", b'"width":320', b'"width":0'),
+        ("preview", b'"width":320', b'"width":' + b"9" * 400),
+    ],
+)
+def test_what_could_not_be_shown_is_refused(topic: str, old: bytes, new: bytes) -> None:
+    preview = Preview(frame=1, time_unix_us=1, width=320, height=240, status="ok", tracks=(), inlier=())
+    good = {
+        "event": encode(event("x")),
+        "estimate": encode(estimate(1)),
+        "preview": msgspec.json.encode(preview),
+    }[topic]
+    bad = good.replace(old, new)
+    assert bad != good
+    watch = Watch(OPTIONS)
+    for raw, refused in ((good, 0), (bad, 1)):
+        watch.take(Delivery("one", topic, b"" if topic == "preview" else raw, attachment=raw), 0.0)
+        assert watch.vehicles["one"].refused == refused
+
+
+EXTREMES = {
+    int: st.integers(-(2**70), 2**70),
+    float | None: st.none() | st.floats(allow_nan=False, allow_infinity=False),
+    str: st.text(max_size=600),
+    bool: st.booleans(),
+    tuple[str, ...]: st.lists(st.text(max_size=600), max_size=30).map(tuple),
+}
+
+
+def anything(kind: type[Estimate] | type[Decision]) -> st.SearchStrategy[Estimate | Decision]:
+    fields = {f.name: EXTREMES[f.type.__origin__] for f in msgspec.structs.fields(kind)}
+    return st.fixed_dictionaries(fields).map(lambda given: kind(**given))
+
+
+@given(anything(Estimate), anything(Decision))
+def test_whatever_is_stored_can_be_shown(one: Estimate, other: Decision) -> None:
+    watch = Watch(OPTIONS)
+    watch.take(Delivery("one", "estimate", encode(one)), 0.0)
+    watch.take(Delivery("one", "decision", encode(other)), 0.0)
+    vehicle = view_of(watch, "one", 0.1).vehicle
+    assert vehicle is not None
+    texts = [
+        *words.figures(vehicle.estimate).values(),
+        words.permission(vehicle.decision),
+        words.command(vehicle.decision),
+        *words.against(vehicle.decision, vehicle.estimate),
+        words.verdict(vehicle.decision),
+    ]
+    assert max(len(words.clipped(text)) for text in texts) <= 401
+    svg = scene_svg(vehicle.estimate, "fit")
+    assert "nan" not in svg
+    for chart in CHARTS:
+        series_of(chart, list(vehicle.points), 1.0, 60.0)
 
 
 @given(st.binary(max_size=200), st.sampled_from(["estimate", "decision", "health", "event", "preview", "x"]))

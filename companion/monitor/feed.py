@@ -28,8 +28,8 @@ class Feed:
         return self._subscription.dropped
 
     def links(self) -> int:
-        """Routers and peers that the monitor is connected to now."""
-        return self._subscription.links()
+        """Routers and peers that the monitor is connected to now; none when nobody listens to them any more."""
+        return self._subscription.links() if self._thread.is_alive() else 0
 
     def look(self, page: str) -> None:
         """A page wants pictures; it may say so again."""

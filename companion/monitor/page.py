@@ -2,6 +2,7 @@
 
 import base64
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -176,7 +177,7 @@ class Page:
         verdict = decision.verdict if decision and decision.verdict in words.VERDICTS else "unknown"
         self._verdict.set_text(words.verdict(decision))
         self._verdict.classes(replace=f"verdict is-{verdict}")
-        self._against.set_text("\n".join(words.against(decision, estimate)[:MOST_WORDS]))
+        self._against.set_text(_lines(words.against(decision, estimate)))
         figures = words.figures(estimate)
         self._inclination.set_text(figures["inclination_deg"])
         self._slopes.set_text(figures["slopes"])
@@ -184,20 +185,20 @@ class Page:
             label.set_text(figures[name])
         if estimate is not None:
             self._frame.set_text(
-                f"frame {estimate.frame}: {estimate.status}, {estimate.features} tracks,"
+                f"frame {estimate.frame}: {words.clipped(estimate.status)}, {estimate.features} tracks,"
                 f" {vehicle.rate_hz:.1f} estimates/s"
             )
         self._scene.set_content(scene_svg(estimate, verdict))
 
     def _show_permission(self, vehicle: Vehicle) -> None:
-        self._permission.set_text(words.permission(vehicle.decision))
-        self._command.set_text(words.command(vehicle.decision))
+        self._permission.set_text(words.clipped(words.permission(vehicle.decision)))
+        self._command.set_text(words.clipped(words.command(vehicle.decision)))
 
     def _show_health(self, vehicle: Vehicle, now_s: float) -> None:
         health = vehicle.health
-        self._health.set_text(words.DASH if health is None else health.state)
+        self._health.set_text(words.DASH if health is None else words.clipped(health.state))
         self._health.classes(replace="figure" if health is None or health.state == "ok" else "figure bad")
-        self._problems.set_text("" if health is None else "\n".join(health.problems[:MOST_WORDS]))
+        self._problems.set_text("" if health is None else _lines(health.problems))
         self._clock.set_text(words.clock(health))
         heard = words.DASH if vehicle.heard_s is None else f"{max(0.0, now_s - vehicle.heard_s):.1f} s ago"
         self._traffic.set_text(
@@ -220,7 +221,7 @@ class Page:
             with self._input_grid:
                 self._inputs = [ui.label() for _ in cells]
         for label, (text, bad) in zip(self._inputs, cells, strict=True):
-            label.set_text(text)
+            label.set_text(words.clipped(text))
             label.classes(add="bad" if bad else "", remove="" if bad else "bad")
 
     def _show_events(self, events: list[Event]) -> None:
@@ -250,6 +251,10 @@ class Page:
             for series, values in zip(element.options["series"], data, strict=True):
                 series["data"] = values
             element.update()
+
+
+def _lines(texts: Sequence[str]) -> str:
+    return "\n".join(words.clipped(text) for text in texts[:MOST_WORDS])
 
 
 def _label(look: str, field: str) -> ui.label:

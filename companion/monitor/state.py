@@ -13,6 +13,10 @@ from companion.preview import Preview
 from drivers.bus import Delivery
 
 RATE_WINDOW_S = 2.0
+LATEST_US = 4_102_444_800_000_000
+"""The year 2100: a later time is nonsense, and beyond what the formats can hold."""
+LARGEST_FRAME = 2**53
+LARGEST_IMAGE_PX = 100_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,9 +136,9 @@ class Watch:
             return None
         try:
             found: Estimate | Decision | Health | Event | Preview = decoder.decode(raw)
-        except msgspec.MsgspecError:
+        except (msgspec.MsgspecError, RecursionError):
             return None
-        return found
+        return found if _is_plausible(found) else None
 
     def _store(
         self,
@@ -162,3 +166,12 @@ class Watch:
                 vehicle.events.append(message)
             case Preview():
                 vehicle.preview, vehicle.picture = message, delivery.payload
+
+
+def _is_plausible(message: Estimate | Decision | Health | Event | Preview) -> bool:
+    """Whether its numbers are ones that can be shown: a vehicle is believed no further than that."""
+    if not 0 <= message.time_unix_us <= LATEST_US:
+        return False
+    if isinstance(message, Preview):
+        return 0 < message.width <= LARGEST_IMAGE_PX and 0 < message.height <= LARGEST_IMAGE_PX
+    return not isinstance(message, Estimate | Decision) or 0 <= message.frame <= LARGEST_FRAME

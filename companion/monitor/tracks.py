@@ -6,6 +6,7 @@ from companion.preview import Preview
 
 INLIER, OUTLIER = "#00e05a", "#ff3b3b"
 LARGEST_PX = 100_000.0
+MOST_TRACKS = 1000
 
 
 def tracks_svg(preview: Preview) -> str:
@@ -13,7 +14,7 @@ def tracks_svg(preview: Preview) -> str:
     stroke = max(1.0, preview.width / 320)
     paths: dict[bool, list[str]] = {True: [], False: []}
     dots: list[str] = []
-    for (x0, y0, x1, y1), inlier in zip(preview.tracks, preview.inlier, strict=False):
+    for (x0, y0, x1, y1), inlier in list(zip(preview.tracks, preview.inlier, strict=False))[:MOST_TRACKS]:
         if not all(math.isfinite(v) and abs(v) < LARGEST_PX for v in (x0, y0, x1, y1)):
             continue
         paths[inlier].append(f"M{x0:.1f} {y0:.1f}L{x1:.1f} {y1:.1f}")

@@ -3,20 +3,34 @@
 from companion.messages import Decision, Estimate, Health, InputHealth
 
 DASH = "–"
+LARGEST_PLAIN = 1e6
+"""Larger numbers are written with a power of ten."""
+LONGEST_TEXT = 400
 COMPASS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 VERDICTS = {"fit": "FIT TO LAND", "unfit": "NOT FIT", "unknown": "UNKNOWN"}
 
 
 def number(value: float | None, digits: int, unit: str = "") -> str:
     """The value with its unit, a dash where it is unknown."""
-    return DASH if value is None else f"{value:.{digits}f}{unit}"
+    if value is None:
+        return DASH
+    return f"{value:.{digits}f}{unit}" if abs(value) < LARGEST_PLAIN else f"{value:.1e}{unit}"
+
+
+def clipped(text: str) -> str:
+    """A text of a vehicle, not longer than a page can bear."""
+    return text if len(text) <= LONGEST_TEXT else text[:LONGEST_TEXT] + "…"
 
 
 def with_spread(value: float | None, std: float | None, digits: int, unit: str) -> str:
     """The value with one standard deviation."""
     if value is None:
         return DASH
-    return number(value, digits, unit) if std is None else f"{value:.{digits}f} ± {std:.{digits}f}{unit}"
+    return (
+        number(value, digits, unit)
+        if std is None
+        else f"{number(value, digits)} ± {number(std, digits, unit)}"
+    )
 
 
 def figures(e: Estimate | None) -> dict[str, str]:
@@ -36,7 +50,7 @@ def figures(e: Estimate | None) -> dict[str, str]:
     flow = (
         DASH
         if e.ventral_flow_x is None or e.ventral_flow_y is None
-        else f"{e.ventral_flow_x:+.2f}, {e.ventral_flow_y:+.2f}"
+        else f"{_signed(e.ventral_flow_x)}, {_signed(e.ventral_flow_y)}"
     )
     return {
         "inclination_deg": with_spread(e.inclination_deg, e.inclination_std_deg, 1, "°"),
@@ -63,7 +77,7 @@ def bearing(degrees: float | None) -> str:
     """A bearing with its compass point."""
     if degrees is None:
         return DASH
-    return f"{degrees % 360:.0f}° {COMPASS[round(degrees / 45) % len(COMPASS)]}"
+    return f"{degrees % 360:.0f}° {COMPASS[round(degrees % 360 / 45) % len(COMPASS)]}"
 
 
 def verdict(decision: Decision | None) -> str:
@@ -128,3 +142,7 @@ def duration(seconds: float) -> str:
     if seconds < 100:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.0f} h"
+
+
+def _signed(value: float) -> str:
+    return ("+" if value >= 0 else "") + number(value, 2)
