@@ -1,10 +1,12 @@
-"""The default estimator: exact plane fit over the best baseline, motion from the newest interval."""
+"""The default estimator: exact plane fit over the best baseline, fused over time, motion from the newest interval."""
 
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
+from landing.evidence import Evidence, EvidenceOptions, slope_std
+from landing.motion import displacement, velocity
 from landing.options import EstimatorOptions
 from landing.plane import Plane
 from landing.planefit import FitPrior, PlaneFit, fit_plane
@@ -12,79 +14,154 @@ from landing.views import Baseline, Views
 
 Array = NDArray[np.float64]
 
+_SAMPLE = 40
+"""Tracks that the choice of the baseline looks at."""
+
 
 class MapEstimator:
-    """Maximum a posteriori plane from the tracks between the newest frame and a keyframe chosen by the data."""
+    """Maximum a posteriori plane between the newest frame and the older one that tells most about it."""
 
-    def __init__(self, options: EstimatorOptions, focal_px: float) -> None:
-        self.options, self.focal_px = options, focal_px
-        self._gap = 0
-        self._last: PlaneFit | None = None
+    def __init__(self, options: EstimatorOptions, focal_px: float, capacity: int) -> None:
+        o = options
+        self.options, self.focal_px = o, focal_px
+        self.evidence = Evidence(
+            EvidenceOptions(
+                o.memory_s,
+                math.tan(math.radians(o.drift_std_deg)),
+                o.agreement,
+                o.overlap,
+                math.tan(math.radians(o.systematic_std_deg)),
+            )
+        )
+        self._normal: Array | None = None
+        self._weight = np.ones(capacity)
+        self._noise = 1.0
 
     def step(self, views: Views) -> Plane:
         """The plane at the newest frame."""
         o = self.options
         if views.longest < 1:
-            self._gap, self._last = 0, None
+            self._normal = None
             return Plane("starting")
-        baseline = self._choose(views)
-        if baseline is None:
-            self._last = None
-            return Plane("too_few_tracks")
-        length = float(np.median(np.hypot(*baseline.flow.T))) * self.focal_px
-        if length < o.map_min_flow_px:
-            return Plane("motion_too_small", gap=baseline.gap)
-        fit = self._fit(baseline)
-        if fit is None:
-            return Plane("no_fit", gap=baseline.gap)
-        return self._plane(views, baseline, fit)
-
-    def _choose(self, views: Views) -> Baseline | None:
-        """The gap whose flow comes nearest the target, one frame longer than the last at most."""
-        o = self.options
-        gap = min(self._gap + 1, views.longest)
+        gap, flow_px = self._choose(views)
         baseline = views.baseline(gap)
-        while gap > 1:
-            enough = len(baseline.tracks.slots) >= max(
-                o.min_tracks, o.map_keep_tracks * views.tracker.alive.sum()
+        if len(baseline.tracks.slots) < o.min_tracks:
+            self._normal = None
+            return Plane("too_few_tracks")
+        fit = self._fit(baseline) if flow_px >= o.map_min_flow_px else None
+        newest = views.newest
+        if fit is not None and newest.ned_from_camera is not None and baseline.derotated:
+            self.evidence.add(
+                views.tracker.frame,
+                newest.time_s,
+                newest.ned_from_camera,
+                fit.a,
+                fit.b,
+                fit.covariance[3:5, 3:5],
+                gap,
             )
-            if enough and float(np.median(np.hypot(*baseline.flow.T))) * self.focal_px <= o.map_flow_px:
-                break
-            gap -= 1
-            baseline = views.baseline(gap)
-        self._gap = gap
-        return baseline if len(baseline.tracks.slots) >= o.min_tracks else None
+        if newest.ned_from_camera is None or not baseline.derotated:
+            if fit is None:
+                return Plane("motion_too_small", gap=gap)
+            return self._plane(views, baseline, fit, fit.a, fit.b, fit.covariance[3:5, 3:5])
+        if fit is None and not self._still_seen(views):
+            self.evidence.clear()
+        fused = self.evidence.fuse(newest.time_s, newest.ned_from_camera)
+        if fused is None:
+            return Plane("motion_too_small", gap=gap)
+        return self._plane(views, baseline, fit, *fused)
+
+    def _choose(self, views: Views) -> tuple[int, float]:
+        """The gap of most information, about tracks times flow squared, within the limits; and its RMS flow."""
+        o = self.options
+        gaps, count, flow = views.profile(_SAMPLE)
+        flow_px = flow * self.focal_px
+        good = (count >= max(o.min_tracks, o.map_keep_tracks * float(count[0]))) & (flow_px <= o.map_max_flow_px)
+        information = np.where(good, count * flow_px**2, -1.0)
+        best = int(information.argmax())
+        return int(gaps[best]), float(flow_px[best])
+
+    def _still_seen(self, views: Views) -> bool:
+        """Whether most of what is in view was in view when the remembered slopes were measured."""
+        frame = self.evidence.newest_frame
+        if frame is None:
+            return False
+        tracker = views.tracker
+        born = tracker.born[tracker.alive]
+        return len(born) > 0 and float((born <= frame).mean()) >= self.options.keep_seen
 
     def _fit(self, baseline: Baseline) -> PlaneFit | None:
-        o, f = self.options, self.focal_px
+        o = self.options
         if baseline.derotated:
             std = np.array((o.rotation_std_rad, o.rotation_std_rad, o.yaw_std_rad))
             std = np.hypot(std, baseline.rotation_std_rad)
         else:
             std = np.full(3, o.unmeasured_rotation_std_rad)
-        prior = FitPrior(std, o.slope_std, noise_floor=o.noise_floor_px / f, noise_cap=o.noise_cap_px / f)
-        return fit_plane(baseline.tracks.new, baseline.tracks.old, baseline.old_from_new, prior)
+        prior = FitPrior(std, o.slope_std, noise_floor=o.noise_floor, noise_cap=o.noise_cap)
+        tracks = baseline.tracks
+        fit = None
+        if self._normal is not None:
+            weight = self._weight[tracks.slots]
+            near = displacement(tracks.new, baseline.derotated_old[None], self._normal, tracks.whitener, weight)
+            if near is not None:
+                start = near[0][0], -float(self._normal[0]), -float(self._normal[1])
+                fit = self._refine(baseline, prior, start)
+        if fit is None or float((fit.weight > 0).mean()) < o.restart_below:
+            # a wrong plane would otherwise carry itself on
+            other = self._refine(baseline, prior, None)
+            if fit is None or (other is not None and other.noise < fit.noise):
+                fit = other
+        return fit
 
-    def _plane(self, views: Views, baseline: Baseline, fit: PlaneFit) -> Plane:
-        dt = baseline.interval_s
-        omega = -fit.t / dt
-        omega_std = np.sqrt(np.diag(fit.covariance)[:3]) / dt
-        divergence = 2 * omega[2] + omega[0] * fit.a + omega[1] * fit.b
+    def _refine(
+        self, baseline: Baseline, prior: FitPrior, start: tuple[Array, float, float] | None
+    ) -> PlaneFit | None:
+        tracks = baseline.tracks
+        return fit_plane(
+            tracks.new, tracks.old, baseline.old_from_new, tracks.whitener, prior, start, self.options.map_cut
+        )
+
+    def _plane(
+        self, views: Views, baseline: Baseline, fit: PlaneFit | None, a: float, b: float, covariance: Array
+    ) -> Plane:
+        o = self.options
+        normal = np.array((-a, -b, 1.0))
+        if fit is not None:
+            self._weight[:] = 1.0
+            self._weight[baseline.tracks.slots] = fit.weight
+            self._noise = fit.noise
+        self._normal = normal
+        moving = velocity(
+            views,
+            normal,
+            self._weight,
+            self._noise,
+            o.motion_span_s,
+            baseline.rotation_std_rad,
+            o.acceleration_std,
+        )
+        omega, omega_std = moving if moving is not None else (np.full(3, math.nan), np.full(3, math.nan))
+        divergence = float(2 * omega[2] + omega[0] * a + omega[1] * b)
+        status = "ok" if slope_std(covariance) <= math.tan(math.radians(o.max_slope_std_deg)) else "slope_uncertain"
+        ttc = 2 / divergence if divergence > 0 else math.nan
+        if fit is None:
+            return Plane(status, a, b, covariance, omega, omega_std, divergence, ttc)
         inlier = fit.weight > 0
         return Plane(
-            "ok",
-            fit.a,
-            fit.b,
-            fit.covariance[3:5, 3:5],
+            status,
+            a,
+            b,
+            covariance,
             omega,
             omega_std,
-            float(divergence),
-            2 / float(divergence) if divergence > 0 else math.nan,
+            divergence,
+            ttc,
             baseline.gap,
             fit.t,
             fit.old_from_new,
             baseline.tracks.slots,
             inlier,
+            fit.weight,
             fit.residual,
             fit.noise,
             float(inlier.mean()),

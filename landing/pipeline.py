@@ -18,7 +18,7 @@ from landing.options import EstimatorOptions, Options
 from landing.plane import Plane
 from landing.quadratic import QuadraticEstimator
 from landing.rotations import euler_from_matrix
-from landing.roughness import Relief, relief
+from landing.roughness import Relief, ReliefMap
 from landing.surface import surface
 from landing.views import Views
 
@@ -33,11 +33,11 @@ class Estimator(Protocol):
         ...
 
 
-ESTIMATORS: dict[str, Callable[[EstimatorOptions, float], Estimator]] = {
+ESTIMATORS: dict[str, Callable[[EstimatorOptions, float, int], Estimator]] = {
     "quadratic": QuadraticEstimator,
     "map": MapEstimator,
 }
-"""Methods by the name that ``estimator.method`` takes: (options, focal_px) -> object with step(Views) -> Plane."""
+"""Methods by the name that ``estimator.method`` takes: (options, focal_px, capacity) -> object with step(Views) -> Plane."""
 
 
 class SurfacePipeline:
@@ -46,7 +46,10 @@ class SurfacePipeline:
     def __init__(self, camera: CameraModel, options: Options) -> None:
         self.camera, self.options = camera, options
         self.views = Views(camera, options.tracking)
-        self.estimator = ESTIMATORS[options.estimator.method](options.estimator, camera.focal_px)
+        self.estimator = ESTIMATORS[options.estimator.method](
+            options.estimator, camera.focal_px, options.tracking.max_features
+        )
+        self.relief = ReliefMap(options.estimator, camera.focal_px, options.tracking.max_features)
         self._motion: tuple[Array, Array] | None = None
         self._last_s = -math.inf
 
@@ -94,7 +97,7 @@ class SurfacePipeline:
         roll = pitch = math.nan
         if observation.ned_from_body is not None:
             roll, pitch, _ = euler_from_matrix(observation.ned_from_body)
-        relief_ = self._relief(plane, o)
+        relief_ = self.relief.step(self.views, plane)
         estimate = SurfaceEstimate(
             observation.frame,
             observation.time_s,
@@ -148,20 +151,6 @@ class SurfacePipeline:
         reasons = against_flat(estimate, self.options.decision)
         return replace(estimate, flat=not reasons, against_flat=reasons)
 
-    def _relief(self, plane: Plane, o: EstimatorOptions) -> Relief | None:
-        if plane.status != "ok" or plane.gap == 0:
-            return None
-        tracks = self.views.tracker.pair(plane.gap)
-        return relief(
-            tracks.new,
-            tracks.old,
-            plane.old_from_new,
-            plane.t,
-            plane.normal,
-            o.noise_floor_px / self.camera.focal_px,
-            o.min_roughness_tracks,
-        )
-
     def _track_view(self, plane: Plane, relief_: Relief | None) -> TrackView:
         tracker = self.views.tracker
         slots = plane.slots if len(plane.slots) else np.flatnonzero(tracker.alive)
@@ -174,6 +163,8 @@ class SurfacePipeline:
         if seen.any():
             before[seen] = self.camera.project(old[seen])
         height = np.full(len(slots), math.nan)
-        if relief_ is not None and len(relief_.height) == len(slots):
-            height = relief_.height
+        if relief_ is not None:
+            everywhere = np.full(len(tracker.alive), math.nan)
+            everywhere[relief_.slots] = relief_.height
+            height = everywhere[slots]
         return TrackView(before, now, inlier, height)

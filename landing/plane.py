@@ -15,7 +15,8 @@ class Plane:
     """Surface Z = h + aX + bY in the newest camera frame, and omega = V / h in 1/s.
 
     ``status`` is "ok" or a reason. ``slope_covariance`` (2, 2) is of (a, b). ``slots`` (n,) names the tracks
-    used, ``inlier`` (n,) which of them move as the plane says. ``t`` (3,) is the displacement from the newest
+    used, ``inlier`` (n,) which of them move as the plane says, ``weight`` (n,) how much each
+    counted. ``t`` (3,) is the displacement from the newest
     to the older exposure over h, ``baseline`` the gap in frames. Unknown numbers are NaN.
     """
 
@@ -32,6 +33,7 @@ class Plane:
     old_from_new: Array = field(default_factory=lambda: np.eye(3))
     slots: NDArray[np.intp] = field(default_factory=lambda: np.empty(0, np.intp))
     inlier: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, bool))
+    weight: Array = field(default_factory=lambda: np.empty(0))
     residual: Array = field(default_factory=lambda: np.empty((0, 2)))
     noise: float = NAN
     inlier_fraction: float = NAN

@@ -6,6 +6,7 @@ newest to the older exposure over h in the newest frame's axes, and R = R0 exp(d
 old_from_new and d its small error, which has a prior. The paper's Eqs. 7 and 8 are the small-motion limit.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,13 @@ from landing.rotations import exp_so3
 Points = NDArray[np.float64]
 Array = NDArray[np.float64]
 
+_MEDIAN = 2 * math.log(2.0)
+"""Median of a chi-square of two degrees."""
+
+_TRUNCATION = 2.5**2 / 2
+_SHARE = 1 - _TRUNCATION * math.exp(-_TRUNCATION) / (1 - math.exp(-_TRUNCATION))
+"""Mean of a chi-square of two degrees cut at 2.5 sigma, over two."""
+
 PARAMETERS = 8
 """t (3), a, b, d (3): the order of ``PlaneFit.covariance``."""
 
@@ -25,14 +33,15 @@ class FitPrior:
     """Standard deviations of what is known before: rotation error (3,) rad, slope tangents, displacement
     over height, track noise bounds.
 
-    ``noise_floor`` is the smallest and ``noise_cap`` the largest track noise believed, normalised units.
+    ``noise_floor`` is the smallest and ``noise_cap`` the largest track noise believed, in units of the whitened
+    residuals.
     """
 
     rotation_std: Array
     slope_std: float = 1.0
     displacement_std: float = 2.0
-    noise_floor: float = 1e-4
-    noise_cap: float = 1e-2
+    noise_floor: float = 0.3
+    noise_cap: float = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +49,7 @@ class PlaneFit:
     """Displacement over height t (3,), slope tangents a and b, rotation error d (3,), and their covariance (8, 8).
 
     ``residual`` is (n, 2), observed minus predicted in the old frame, normalised; ``weight`` (n,) in 0 to 1;
-    ``noise`` the scale of the inliers' residuals per coordinate; ``old_from_new`` (3, 3) with d applied.
+    ``noise`` the scale of the inliers' whitened residuals per coordinate; ``old_from_new`` (3, 3) with d applied.
     """
 
     t: Array
@@ -64,53 +73,53 @@ def fit_plane(
     new: Points,
     old: Points,
     old_from_new: Array,
+    whitener: Array,
     prior: FitPrior,
     start: tuple[Array, float, float] | None = None,
     cut: float = 4.5,
-    iterations: int = 12,
+    iterations: int = 15,
+    tolerance: float = 2e-5,
 ) -> PlaneFit | None:
     """Fit the plane to tracks ``new`` and ``old`` (n, 2), normalised coordinates of two frames.
 
-    ``start`` is (t, a, b); without it the fit starts from a robust homography. None with fewer than eight
+    ``whitener`` (3, n) as in ``TrackPair``. ``start`` is (t, a, b); without it the fit starts from a robust homography. None with fewer than eight
     tracks or when no homography explains them. Tukey weights on the length of each residual, cut at ``cut``
     times the noise, which is estimated along the way (median, then the inliers').
     """
-    n = len(new)
-    if n < PARAMETERS:
+    if len(new) < PARAMETERS:
         return None
     if start is None:
         start = start_from_homography(new, old, old_from_new)
         if start is None:
             return None
-    problem = _Problem(new, old, old_from_new, prior)
+    problem = _Problem(new, old, old_from_new, whitener, prior)
     x = np.zeros(PARAMETERS)
     x[:3], x[3], x[4] = start
     residual = problem.residual(x)
-    noise = problem.scale(residual, None, cut)
-    weight = problem.weights(residual, noise, cut)
+    noise = problem.scale(residual, False)
     damping, converged = 0.0, False
-    cost = problem.cost(x, residual, noise, cut)
-    for _ in range(iterations):
-        hessian, gradient = problem.normal_equations(x, residual, weight, noise)
-        if damping:
-            hessian[np.diag_indices(PARAMETERS)] *= 1 + damping
-        step = np.linalg.solve(hessian, gradient)
-        tried = x + step
-        r = problem.residual(tried)
-        c = problem.cost(tried, r, noise, cut)
-        if not c <= cost * (1 + 1e-9) + 1e-12:
-            damping = max(1e-3, damping * 10)
-            if damping > 1e4:
-                break
-            continue
-        damping = damping / 10 if damping > 1e-3 else 0.0
-        x, residual = tried, r
-        noise = problem.scale(residual, weight, cut)
+    for iteration in range(iterations):
         weight = problem.weights(residual, noise, cut)
         cost = problem.cost(x, residual, noise, cut)
-        if float(np.abs(step).max()) < 1e-6:
+        hessian, gradient = problem.normal_equations(x, residual, weight, noise)
+        while True:
+            damped = hessian + np.diag(np.diag(hessian) * damping) if damping else hessian
+            tried = x + np.linalg.solve(damped, gradient)
+            r = problem.residual(tried)
+            if problem.cost(tried, r, noise, cut) <= cost * (1 + 1e-9) + 1e-9 or damping > 1e4:
+                break
+            damping = max(1e-3, damping * 10)
+        step = tried - x
+        x, residual = tried, r
+        damping = damping / 10 if damping > 1e-3 else 0.0
+        if iteration < 3:
+            # the scale settles first: a cost that changes under way does not converge
+            noise = problem.scale(residual, True)
+        if iteration and float(np.abs(step).max()) < tolerance:
             converged = True
             break
+    noise = problem.scale(residual, True)
+    weight = problem.weights(residual, noise, cut)
     hessian, _ = problem.normal_equations(x, residual, weight, noise)
     try:
         covariance = np.linalg.inv(hessian)
@@ -122,7 +131,7 @@ def fit_plane(
         float(x[4]),
         x[5:].copy(),
         covariance,
-        residual.T,
+        problem.raw.T,
         weight,
         noise,
         old_from_new @ exp_so3(x[5:]),
@@ -133,12 +142,15 @@ def fit_plane(
 class _Problem:
     """Residuals, Jacobian and robust scale; arrays have shape (2, n) or (3, n) so that rows are contiguous."""
 
-    def __init__(self, new: Points, old: Points, old_from_new: Array, prior: FitPrior) -> None:
+    def __init__(
+        self, new: Points, old: Points, old_from_new: Array, whitener: Array, prior: FitPrior
+    ) -> None:
         n = len(new)
         self.p = np.ones((3, n))
         self.p[:2] = new.T
         self.q = np.ascontiguousarray(old.T)
         self.rotation0, self.prior = old_from_new, prior
+        self.c11, self.c12, self.c22 = whitener
         self.precision = np.full(PARAMETERS, prior.displacement_std**-2.0)
         self.precision[3:5] = prior.slope_std**-2.0
         self.precision[5:] = prior.rotation_std**-2.0
@@ -146,7 +158,7 @@ class _Problem:
         self.at: Array | None = None
 
     def residual(self, x: Array) -> Array:
-        """Observed minus predicted (2, n) in the old frame."""
+        """Observed minus predicted in the old frame, whitened (2, n)."""
         p, self.at = self.p, x
         self.rotation = self.rotation0 @ exp_so3(x[5:])
         self.depth = 1.0 - x[3] * p[0] - x[4] * p[1]
@@ -154,7 +166,9 @@ class _Problem:
         out = self.rotation @ self.seen
         self.inverse = 1.0 / out[2]
         self.projected = out[:2] * self.inverse
-        return self.q - self.projected
+        raw = self.q - self.projected
+        self.raw = raw
+        return np.stack((self.c11 * raw[0] + self.c12 * raw[1], self.c22 * raw[1]))
 
     def normal_equations(self, x: Array, residual: Array, weight: Array, noise: float) -> tuple[Array, Array]:
         """Gauss-Newton matrix (8, 8) and right-hand side (8,) at the last ``residual`` call's point."""
@@ -177,6 +191,9 @@ class _Problem:
             j[5, row] = g[2] * s[1] - g[1] * s[2]
             j[6, row] = g[0] * s[2] - g[2] * s[0]
             j[7, row] = g[1] * s[0] - g[0] * s[1]
+        j[:, 0] *= self.c11
+        j[:, 0] += self.c12 * j[:, 1]
+        j[:, 1] *= self.c22
         w = weight / noise**2
         flat = j.reshape(PARAMETERS, -1)
         weighted = (j * w).reshape(PARAMETERS, -1)
@@ -185,21 +202,17 @@ class _Problem:
         gradient = weighted @ residual.ravel() - self.precision * x
         return hessian, gradient
 
-    def scale(self, residual: Array, weight: Array | None, cut: float) -> float:
-        """Noise per coordinate: the median's for a start, then of the residuals within the cut."""
+    def scale(self, residual: Array, refine: bool) -> float:
+        """Noise per coordinate: from the median, refined by the mean square of the residuals near it."""
         length2 = residual[0] ** 2 + residual[1] ** 2
-        noise2 = float(np.median(length2)) / (2 * np.log(2.0))
-        if weight is not None:
-            inside = length2 < noise2 * (2.5**2)
-            count = int(inside.sum())
-            if count > PARAMETERS:
-                # the mean of a chi-square of two degrees truncated at 2.5^2
-                k = 2.5**2 / 2
-                share = 1 - k * np.exp(-k) / (1 - np.exp(-k))
-                # the fit takes up about 5 to 8 of the 2n degrees of freedom
-                noise2 = float(length2[inside].mean()) / (2 * share) * count / max(count - 3.0, 1.0)
+        noise2 = float(np.partition(length2, len(length2) // 2)[len(length2) // 2]) / _MEDIAN
+        if refine:
+            inside = length2[length2 < noise2 * 2 * _TRUNCATION]
+            if len(inside) > PARAMETERS:
+                # about three of the eight parameters' degrees of freedom come off the pairs within the cut
+                noise2 = float(inside.sum()) / (2 * _SHARE * max(len(inside) - 3.0, 1.0))
         floor, cap = self.prior.noise_floor, self.prior.noise_cap
-        return float(min(max(np.sqrt(noise2), floor), cap))
+        return float(min(max(math.sqrt(noise2), floor), cap))
 
     def weights(self, residual: Array, noise: float, cut: float) -> Array:
         e = (residual[0] ** 2 + residual[1] ** 2) * (1.0 / (cut * noise) ** 2)

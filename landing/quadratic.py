@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 class QuadraticEstimator:
     """u = pu . [1, x, y, x^2, xy] and v = pv . [1, x, y, y^2, xy]; slopes from their terms."""
 
-    def __init__(self, options: EstimatorOptions, focal_px: float) -> None:
+    def __init__(self, options: EstimatorOptions, focal_px: float, capacity: int) -> None:
         self.options, self.focal_px = options, focal_px
         self._rng = np.random.default_rng(options.seed)
 
@@ -81,6 +81,7 @@ class QuadraticEstimator:
             baseline.old_from_new,
             baseline.tracks.slots,
             inlier,
+            inlier.astype(np.float64),
             residual,
             noise,
             float(inlier.mean()),

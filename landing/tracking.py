@@ -24,13 +24,16 @@ Image = NDArray[Any]
 class TrackPair:
     """The tracks seen in both the newest frame and one ``gap`` frames older.
 
-    ``new`` and ``old`` are (n, 2) normalised image coordinates; ``slots`` (n,) names the tracks.
+    ``new`` and ``old`` are (n, 2) normalised image coordinates; ``slots`` (n,) names the tracks. ``whitener``
+    (3, n) holds c11, c12, c22 of the triangular C with C^T C the information of a match (1 over normalised
+    units squared), from the texture of its patch: along an edge a match tells little.
     """
 
     gap: int
     slots: NDArray[np.intp]
     new: Points
     old: Points
+    whitener: Points
 
 
 class FeatureTracker:
@@ -47,14 +50,15 @@ class FeatureTracker:
         self.born = np.zeros(n, np.int64)
         self.pixels = np.full((n, 2), np.nan, np.float32)
         self.history = np.full((self.HISTORY, n, 2), np.nan)
+        self.whitener = np.ones((3, n))
         self._reference: Image | None = None
         self._reference_px = np.zeros((n, 2), np.float32)
         self._reference_frame = -1
-        self._reference_mean = 1.0
         self._cell = max(8, round((camera.width * camera.height / (1.15 * n)) ** 0.5))
         self._rows, self._cols = camera.height // self._cell, camera.width // self._cell
         self._top = (camera.height - self._rows * self._cell) // 2
         self._left = (camera.width - self._cols * self._cell) // 2
+        self._reference_count = 0
         self.refused = 0
 
     def reset(self) -> None:
@@ -68,7 +72,7 @@ class FeatureTracker:
         ``new_from_previous`` (3, 3) predicts normalised homogeneous points of this frame from those of the
         frame before (a homography); a good prediction makes the search short and sure.
         """
-        smooth = self._smooth(image)
+        smooth = self._prepared(image)
         self.frame += 1
         if self._reference is None:
             self._renew(smooth)
@@ -85,7 +89,7 @@ class FeatureTracker:
         slots = np.flatnonzero(self.alive & (self.born <= self.frame - gap))
         new = self.history[self.frame % self.HISTORY, slots]
         old = self.history[(self.frame - gap) % self.HISTORY, slots]
-        return TrackPair(gap, slots, new, old)
+        return TrackPair(gap, slots, new, old, self.whitener[:, slots])
 
     def longest(self) -> int:
         """The largest gap that the history holds."""
@@ -95,15 +99,18 @@ class FeatureTracker:
         """Share of the grid's cells that hold a track."""
         return float(self._occupied().sum()) / (self._rows * self._cols)
 
-    def _smooth(self, image: Image) -> Image:
-        sigma = self.options.blur_px
-        if sigma > 0:
-            image = cv2.GaussianBlur(image, (5, 5), sigma)
-        if self._reference is not None:
-            # Lucas-Kanade takes brightness as constant: follow exposure changes by the ratio of the means.
-            gain = self._reference_mean / max(1.0, cv2.mean(image)[0])
-            if abs(gain - 1) > self.options.gain_step:
-                image = cv2.convertScaleAbs(image, alpha=gain)
+    def _prepared(self, image: Image) -> Image:
+        """The image stretched to a fixed contrast about its mean, then blurred.
+
+        Lucas-Kanade takes brightness as constant: the stretch follows exposure changes. It also keeps faint
+        texture above the steps of eight bits.
+        """
+        o = self.options
+        mean, spread = cv2.meanStdDev(image)
+        gain = min(o.contrast / max(float(spread[0, 0]), 1e-3), o.max_gain)
+        image = cv2.convertScaleAbs(image, alpha=gain, beta=128 - gain * float(mean[0, 0])) if gain != 1 else image
+        if o.blur_px > 0:
+            image = cv2.GaussianBlur(image, (5, 5), o.blur_px)
         return image
 
     def _follow(self, image: Image, new_from_previous: NDArray[np.float64] | None) -> None:
@@ -134,7 +141,7 @@ class FeatureTracker:
             (found > margin) & (found < (self.camera.width - 1 - margin, self.camera.height - 1 - margin))
         ).all(1)
         good = (
-            (status.ravel() & status_back.ravel()).astype(bool) & (error < o.forward_backward_max_px) & inside
+            status.ravel().astype(bool) & status_back.ravel().astype(bool) & (error < o.forward_backward_max_px) & inside
         )
         self.refused += int((inside & ~good).sum())
         self.pixels[slots] = found
@@ -143,7 +150,7 @@ class FeatureTracker:
     def _worn_out(self) -> bool:
         o = self.options
         slots = np.flatnonzero(self.alive)
-        if len(slots) < o.renew_below * len(self._reference_count):
+        if len(slots) < o.renew_below * self._reference_count:
             return True
         if self.frame - self._reference_frame >= o.renew_after_frames:
             return True
@@ -169,9 +176,11 @@ class FeatureTracker:
     def _renew(self, image: Image) -> None:
         """Take this frame as the reference and put a corner into every cell that has no track."""
         self._reference, self._reference_frame = image, self.frame
-        self._reference_mean = max(1.0, cv2.mean(image)[0])
-        strength = cv2.cornerMinEigenVal(image, 3)
-        margin = int(self.options.window_px / 2) + 2
+        self._drop_twins()
+        o, half_window = self.options, self.options.window_px // 2
+        xx, xy, yy = structure_tensor(image, o.window_px)
+        strength = (xx + yy) / 2 - np.sqrt(((xx - yy) / 2) ** 2 + xy**2)
+        margin = half_window + 2
         strength[:margin] = strength[-margin:] = 0
         strength[:, :margin] = strength[:, -margin:] = 0
         s, rows, cols = self._cell, self._rows, self._cols
@@ -179,9 +188,9 @@ class FeatureTracker:
         blocks = blocks.reshape(rows, s, cols, s).transpose(0, 2, 1, 3).reshape(rows * cols, s * s)
         best = blocks.argmax(axis=1)
         value = blocks[np.arange(rows * cols), best]
-        limit = max(self.options.corner_quality * float(value.max(initial=0)), self.options.corner_min)
-        wanted = (value > limit) & ~self._occupied().ravel()
-        cells = np.flatnonzero(wanted)
+        # the match's standard deviation along the weak direction must be bearable
+        limit = (o.grey_noise / (o.window_px * o.corner_max_std_px)) ** 2
+        cells = np.flatnonzero((value > limit) & ~self._occupied().ravel())
         cells = cells[np.argsort(-value[cells], kind="stable")]
         free = np.flatnonzero(~self.alive)[: len(cells)]
         cells = cells[: len(free)]
@@ -189,5 +198,45 @@ class FeatureTracker:
         self.pixels[free, 1] = self._top + (cells // cols) * s + best[cells] // s
         self.alive[free] = True
         self.born[free] = self.frame
+        slots = np.flatnonzero(self.alive)
+        x, y = np.rint(self.pixels[slots]).astype(int).T
+        tensor = np.stack((xx[y, x], xy[y, x], yy[y, x])).astype(np.float64)
+        self.whitener[:, slots] = self._whitener(tensor)
         self._reference_px[:] = self.pixels
-        self._reference_count = np.flatnonzero(self.alive)
+        self._reference_count = len(slots)
+
+    def _whitener(self, tensor: Points) -> Points:
+        """c11, c12, c22 (3, n) for mean structure tensors xx, xy, yy (3, n) in grey levels squared per pixel."""
+        o = self.options
+        xx, xy, yy = tensor * (o.window_px / o.grey_noise) ** 2
+        # covariance: grey noise through the texture, and what no texture helps against (deformation, pixel locking)
+        floor = o.match_std_px**2
+        determinant = np.maximum(xx * yy - xy * xy, 1e-9)
+        cxx, cxy, cyy = yy / determinant + floor, -xy / determinant, xx / determinant + floor
+        determinant = cxx * cyy - cxy * cxy
+        ixx, ixy, iyy = cyy / determinant, -cxy / determinant, cxx / determinant
+        c11 = np.sqrt(ixx)
+        c12 = ixy / c11
+        return np.stack((c11, c12, np.sqrt(np.maximum(iyy - c12 * c12, 1e-12)))) * self.camera.focal_px
+
+    def _drop_twins(self) -> None:
+        """Of tracks that have run into one another keep the oldest."""
+        slots = np.flatnonzero(self.alive)
+        slots = slots[np.argsort(self.born[slots], kind="stable")]
+        place = (self.pixels[slots] // self.options.twin_px).astype(np.int64)
+        _, first = np.unique(place[:, 0] * 100_000 + place[:, 1], return_index=True)
+        twin = np.ones(len(slots), bool)
+        twin[first] = False
+        self.alive[slots[twin]] = False
+
+
+def structure_tensor(image: Image, window_px: int) -> tuple[Image, Image, Image]:
+    """Mean of gx^2, gx gy and gy^2 over a window, grey levels squared per pixel squared (Shi and Tomasi)."""
+    gx = cv2.Sobel(image, cv2.CV_32F, 1, 0, ksize=3, scale=0.125)
+    gy = cv2.Sobel(image, cv2.CV_32F, 0, 1, ksize=3, scale=0.125)
+    size = (window_px, window_px)
+    return (
+        cv2.boxFilter(cv2.multiply(gx, gx), -1, size),
+        cv2.boxFilter(cv2.multiply(gx, gy), -1, size),
+        cv2.boxFilter(cv2.multiply(gy, gy), -1, size),
+    )

@@ -13,6 +13,10 @@ from landing.tracking import FeatureTracker, TrackPair
 Array = NDArray[np.float64]
 
 
+_GAPS = np.array((1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24, 29, 35, 42, 50, 60), np.intp)
+"""Baselines looked at, in frames."""
+
+
 @dataclass(frozen=True, slots=True)
 class View:
     """One exposure: its time, ned_from_camera (3, 3) or None, and the trust in rotations measured from it."""
@@ -88,6 +92,41 @@ class Views:
         """old_from_new (3, 3) over ``gap`` frames, None without both attitudes."""
         old, new = self.view(gap).ned_from_camera, self.newest.ned_from_camera
         return None if old is None or new is None else old.T @ new
+
+    def stack(self, gaps: NDArray[np.intp]) -> tuple[TrackPair, Array]:
+        """The tracks common to the newest frame and all of ``gaps`` (g,), and their derotated places (g, n, 2)."""
+        tracks = self.tracker.pair(int(gaps.max()))
+        return tracks, self._derotated(gaps, tracks.slots)
+
+    def _derotated(self, gaps: NDArray[np.intp], slots: NDArray[np.intp]) -> Array:
+        tracker = self.tracker
+        old = tracker.history[((tracker.frame - gaps) % tracker.HISTORY)[:, None], slots]
+        newest = self.newest.ned_from_camera
+        attitudes = [self.view(int(gap)).ned_from_camera for gap in gaps]
+        if newest is None or any(attitude is None for attitude in attitudes):
+            return old
+        turn = np.array(attitudes).transpose(0, 2, 1) @ newest
+        q = old @ turn[:, :2] + turn[:, 2:]
+        return q[..., :2] / q[..., 2:]
+
+    def profile(self, sample: int) -> tuple[NDArray[np.intp], Array, Array]:
+        """Gaps (g,), how many tracks each has in common with the newest frame, and their RMS flow after derotation.
+
+        The gaps grow by about a fifth; the flow is measured on about ``sample`` tracks, the oldest first.
+        """
+        gaps = _GAPS[_GAPS <= self.longest]
+        tracker = self.tracker
+        slots = np.flatnonzero(tracker.alive)
+        born = tracker.born[slots]
+        count = (born[:, None] <= tracker.frame - gaps).sum(axis=0).astype(np.float64)
+        slots = slots[np.argsort(born, kind="stable")]
+        reach = max(int(count[-1]), min(sample, len(slots)))
+        slots = slots[:reach][:: max(1, reach // sample)]
+        new = tracker.history[tracker.frame % tracker.HISTORY, slots]
+        square = ((self._derotated(gaps, slots) - new) ** 2).sum(axis=2)
+        known = np.isfinite(square)
+        total = np.where(known, square, 0.0).sum(axis=1)
+        return gaps, count, np.sqrt(total / np.maximum(known.sum(axis=1), 1))
 
     def baseline(self, gap: int) -> Baseline:
         """Newest frame against the one ``gap`` frames older."""

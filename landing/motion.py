@@ -1,0 +1,79 @@
+"""Motion over a known plane: displacement by linear least squares, and the velocity at the newest frame."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from landing.views import Views
+
+Array = NDArray[np.float64]
+
+
+def displacement(
+    new: Array, derotated_old: Array, normal: Array, whitener: Array, weight: Array
+) -> tuple[Array, Array] | None:
+    """Displacements over height t (g, 3) and their covariances (g, 3, 3) in units of the whitened noise squared.
+
+    ``new`` is (n, 2), ``derotated_old`` (g, n, 2): the same tracks in g older frames. With the plane and the
+    rotation known the exact model is linear in t: for p = (x, y) seen at (x', y') after derotation,
+    x' - x = d (x' tz - tx) and y' - y = d (y' tz - ty) with d = n . p; there is no small-motion limit.
+    ``weight`` (n,) leaves out what a robust fit refused. None with fewer than six tracks or a singular pattern.
+    """
+    n = len(new)
+    if int(np.count_nonzero(weight)) < 6:
+        return None
+    w = np.sqrt(weight)
+    c11, c12, c22 = whitener * w
+    d = normal[2] + new @ normal[:2]
+    g = len(derotated_old)
+    x, y = derotated_old[..., 0], derotated_old[..., 1]
+    u, v = x - new[:, 0], y - new[:, 1]
+    rows = np.zeros((g, 4, 2 * n))
+    rows[:, 0, :n], rows[:, 1, :n], rows[:, 1, n:] = -d * c11, -d * c12, -d * c22
+    rows[:, 2, :n], rows[:, 2, n:] = d * (c11 * x + c12 * y), d * c22 * y
+    rows[:, 3, :n], rows[:, 3, n:] = c11 * u + c12 * v, c22 * v
+    product = rows @ rows.transpose(0, 2, 1)
+    try:
+        inverse = np.linalg.inv(product[:, :3, :3])
+    except np.linalg.LinAlgError:
+        return None
+    return (inverse @ product[:, :3, 3:])[..., 0], inverse
+
+
+def velocity(
+    views: Views,
+    normal: Array,
+    weight: Array,
+    noise: float,
+    span_s: float,
+    rotation_std: float,
+    acceleration_std: float,
+) -> tuple[Array, Array] | None:
+    """omega = V / h (3,) at the newest frame and its standard deviation (3,), 1/s.
+
+    ``weight`` holds one weight for every slot of the tracker, ``noise`` the whitened noise. Displacements over a
+    few short gaps within ``span_s`` are fitted by t(T) = -omega T + A T^2 / 2, so that the result holds at the
+    newest frame and not in the middle of a gap; A has the prior ``acceleration_std`` (1/s^2).
+    """
+    if views.longest < 1:
+        return None
+    newest_s = views.newest.time_s
+    reach = 1
+    while reach < views.longest and newest_s - views.view(reach + 1).time_s <= span_s:
+        reach += 1
+    gaps = np.unique(np.maximum(1, np.rint(np.array((1, 2, 3)) * reach / 3).astype(int)))
+    tracks, derotated = views.stack(gaps)
+    found = displacement(tracks.new, derotated, normal, tracks.whitener, weight[tracks.slots])
+    if found is None:
+        return None
+    tau = np.array([newest_s - views.view(int(gap)).time_s for gap in gaps])
+    # an error of the rotation about x or y looks like a displacement across; along the axis it hardly tells
+    variance = np.diagonal(found[1], axis1=1, axis2=2) * noise**2 + np.array((1.0, 1.0, 0.1)) * rotation_std**2
+    basis = np.stack((-tau, tau**2 / 2))
+    weighted = basis[None] / variance.T[:, None]
+    information = weighted @ basis.T
+    information[:, 1, 1] += acceleration_std**-2
+    covariance = np.linalg.inv(information)
+    omega = (covariance @ (weighted @ found[0].T[..., None]))[:, 0, 0]
+    return omega, np.sqrt(covariance[:, 0, 0])
