@@ -47,6 +47,7 @@ class Daemon:
         self.settings = settings
         self._stop = threading.Event()
         self._inbox = Inbox()
+        self._estimate_us = 0
         with ExitStack() as stack:
             stack.enter_context(SingleInstance(settings.vehicle.name))
             self.service = ServiceManager()
@@ -81,6 +82,8 @@ class Daemon:
     def run(self) -> None:
         """Work until ``stop``; a command under way gets its answer first."""
         self.service.ready()
+        if self._publisher.bus.session is None:
+            log.warning("zenoh: no router answers yet; it is looked for in the background")
         log.info("landslope runs for vehicle %s", self.settings.vehicle.name)
         with self._stack:
             while not self._stop.is_set():
@@ -146,8 +149,6 @@ class Daemon:
             self.recording.processed(output)
         else:
             self._message(output)
-
-    _estimate_us = 0
 
     def _request(self, request: LandRequest) -> None:
         if self._commander is not None and not self._stop.is_set():

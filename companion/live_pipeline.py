@@ -53,7 +53,7 @@ class LivePipeline:
         self._size = _size(settings)
         self._core = self._new_core()
         self._switch = EnableSwitch(settings.landing)
-        self._enabled = False
+        self._against_enabling = "nothing came yet"
         self._times_ms: deque[float] = deque(maxlen=TIMES_KEPT)
         self.estimated_at = -math.inf
         """Monotonic time (s) of the newest processed frame."""
@@ -70,7 +70,7 @@ class LivePipeline:
             if isinstance(sample, Frame):
                 self.counted["frames"] += 1
                 self._fit(sample)
-            self._set_enabled(self._switch.feed(sample) and self._may_enable(), sample.arrival_us)
+            self._set_enabled(self._switch.feed(sample), sample.arrival_us)
             started = time.perf_counter()
             outputs = self._core.feed(sample)
             self._hand_on(outputs, started)
@@ -99,14 +99,14 @@ class LivePipeline:
         self._hand_on(self._core.finish(), time.perf_counter())
 
     def _new_core(self) -> Core:
-        self._camera, calibrated = camera_model(self._settings.camera, *self._size)
+        self._camera, self._calibrated = camera_model(self._settings.camera, *self._size)
         telemetry = bool(self._settings.mavlink.connection)
         # The pilot's switch decides, not the settings alone.
         landing = replace(self._settings.landing, enabled=False)
         return Core(
             replace(self._settings, landing=landing),
             self._camera,
-            calibrated=calibrated,
+            calibrated=self._calibrated,
             telemetry=telemetry,
         )
 
@@ -120,20 +120,23 @@ class LivePipeline:
         ):
             self._size = (width, height)
             self._core = self._new_core()
-            self._core.set_enabled(self._enabled)
+            self._core.set_enabled(not self._against_enabling)
 
-    def _set_enabled(self, enabled: bool, time_us: int) -> None:
-        if enabled == self._enabled:
+    def _set_enabled(self, wanted: bool, time_us: int) -> None:
+        """What the pilot wants, as far as it is safe; every change is told."""
+        against = self._switch.reason if not wanted else self._against()
+        if against == self._against_enabling:
             return
-        self._enabled = enabled
-        self._core.set_enabled(enabled)
-        name = "landing_enabled" if enabled else "landing_disabled"
-        text = (
-            "landing is enabled"
-            if enabled
-            else f"landing is not enabled: {self._switch.reason or 'two vehicles'}"
-        )
+        self._against_enabling = against
+        self._core.set_enabled(not against)
+        name = "landing_disabled" if against else "landing_enabled"
+        text = f"landing is not enabled: {against}" if against else "landing is enabled"
         self.tell(DriverEvent(name, "info", text, time_us))
+
+    def _against(self) -> str:
+        if not self._calibrated:
+            return "the camera is not calibrated"
+        return "" if self._may_enable() else "two vehicles on the link: set vehicle.system_id"
 
     def _hand_on(self, outputs: list[Output], started: float) -> None:
         if any(isinstance(output, Processed) for output in outputs):

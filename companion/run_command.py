@@ -2,9 +2,15 @@
 
 import argparse
 import logging
+import os
+import threading
 from pathlib import Path
 
 from companion.settings_file import load
+
+FORMAT = "%(levelname)s %(name)s: %(message)s"
+PRIORITIES = ((logging.CRITICAL, 2), (logging.ERROR, 3), (logging.WARNING, 4), (logging.INFO, 6), (0, 7))
+"""Level of logging -> priority of syslog."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,16 +28,43 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run until SIGTERM or SIGINT."""
+    """Run until SIGTERM or SIGINT; 1 when a thread broke, so that the service manager starts anew."""
     import cv2
 
     from companion.daemon import Daemon, stop_on_signals
 
-    logging.basicConfig(
-        level=logging.DEBUG if args.verbose else logging.INFO, format="%(levelname)s %(name)s: %(message)s"
-    )
+    _log_to_stderr(logging.DEBUG if args.verbose else logging.INFO)
     cv2.setNumThreads(1)  # as in a replay: the same rounding, and no threads that fight for the cores
     daemon = Daemon(load(args.config, args.overrides).settings)
+    broken = threading.Event()
+
+    def thread_broke(what: threading.ExceptHookArgs) -> None:
+        # A daemon without one of its threads would live on half blind.
+        name = what.thread.name if what.thread else "a thread"
+        trace = (what.exc_type, what.exc_value or what.exc_type(), what.exc_traceback)
+        logging.getLogger(__name__).critical("thread '%s' broke", name, exc_info=trace)
+        broken.set()
+        daemon.stop()
+
+    threading.excepthook = thread_broke
     stop_on_signals(daemon)
     daemon.run()
-    return 0
+    return 1 if broken.is_set() else 0
+
+
+def _log_to_stderr(level: int) -> None:
+    """Lines with the priority that journald reads, when it listens."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(_Priority() if "JOURNAL_STREAM" in os.environ else logging.Formatter(FORMAT))
+    logging.basicConfig(level=level, handlers=[handler])
+
+
+class _Priority(logging.Formatter):
+    """``<4>`` in front of a warning, as sd-daemon(3) says; journald strips it and sets PRIORITY."""
+
+    def __init__(self) -> None:
+        super().__init__("%(name)s: %(message)s")
+
+    def format(self, record: logging.LogRecord) -> str:
+        priority = next(p for at, p in PRIORITIES if record.levelno >= at)
+        return "\n".join(f"<{priority}>{line}" for line in super().format(record).splitlines())

@@ -193,7 +193,10 @@ class Link:
     def _vehicle_frame(self, frame: WireFrame, now_us: int) -> list[Sample]:
         message = None
         if frame.message_id in MESSAGE_IDS:
-            message = self._decode(frame)
+            try:
+                message = self._parser.decode(bytearray(frame.data))
+            except dialect.MAVError as error:
+                return [Refusal(now_us, "mavlink", "undecodable", str(error))]
             if not self._for_us(message):
                 self.counters["answers to others"] += 1
                 return []
@@ -210,9 +213,6 @@ class Link:
         if self.raw_out is not None:
             self.raw_out(unsigned(frame.data))
         return samples
-
-    def _decode(self, frame: WireFrame) -> Any:
-        return self._parser.decode(bytearray(frame.data))
 
     def _for_us(self, message: Any) -> bool:
         name = message.get_type()
