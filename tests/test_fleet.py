@@ -1,5 +1,6 @@
 """A fleet under a real embedded router: losses, certificates, and who may write what."""
 
+import dataclasses
 import json
 import signal
 import subprocess
@@ -137,6 +138,18 @@ def test_a_vehicle_hears_no_other_vehicle(secure: SecureFleet) -> None:
         one.put("estimate", b"1")
         assert [d.payload for d in received(watcher) if d.alive is None] == [b"1"]
     assert heard == []
+
+
+def test_a_monitor_which_waits_for_its_router_as_a_peer_hears_the_fleet(secure: SecureFleet) -> None:
+    peer = dataclasses.replace(secure.endpoints("watcher1"), mode="peer")
+    with (
+        Subscription(peer, topics=("estimate",)) as watcher,
+        Bus("vehicle1", secure.endpoints("vehicle1")) as one,
+    ):
+        assert eventually(lambda: watcher.links() == 1)
+        assert eventually(lambda: one.subscribed("estimate"))
+        one.put("estimate", b"1")
+        assert [d.payload for d in received(watcher) if d.alive is None] == [b"1"]
 
 
 def test_wrong_clients_are_refused(secure: SecureFleet, tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ CHART_PERIOD_S = 1.0
 MOST_CHIPS = 60
 MOST_INPUTS = 40
 MOST_WORDS = 12
+MOST_EVENTS = 7
 FIGURES = (
     ("time_to_contact_s", "time to contact"),
     ("ventral_flow", "ventral flow x, y, 1/s"),
@@ -69,7 +70,7 @@ class Page:
         self._inputs: list[Any] = []
         ui.add_css(CSS)
         self._alarm = ui.label().classes("alarm").props("id=alarm role=alert")
-        with ui.element("main").classes("page"):
+        with ui.element("main").classes("page") as self._main:
             self._build()
         self.refresh()
         ui.timer(1 / watch.options.refresh_hz, self.refresh)
@@ -84,7 +85,7 @@ class Page:
         if vehicle is None:
             return
         silent = any(name == vehicle.name for name, _ in view.silent)
-        self._now.classes(add="stale" if silent else "", remove="" if silent else "stale")
+        self._main.classes(add="is-silent" if silent else "", remove="" if silent else "is-silent")
         self._show_now(vehicle)
         self._show_permission(vehicle)
         self._show_health(vehicle, now_s)
@@ -96,7 +97,7 @@ class Page:
 
     def _build(self) -> None:
         self._chip_row = ui.element("nav").classes("chips wide").props("aria-label=vehicles")
-        with ui.element("section").classes("card") as self._now:
+        with ui.element("section").classes("card"):
             self._verdict = _label("verdict", "verdict")
             self._against = _label("words", "against")
             ui.label("inclination").classes("label")
@@ -228,7 +229,7 @@ class Page:
         lines = [
             f"{time.strftime('%H:%M:%S', time.localtime(e.time_unix_us / 1e6))} {e.text}" for e in events
         ]
-        self._events.set_text("\n".join(reversed(lines[-MOST_WORDS:])) or "none yet")
+        self._events.set_text("\n".join(reversed(lines[-MOST_EVENTS:])) or "none yet")
 
     def _show_preview(self, vehicle: Vehicle) -> None:
         preview = vehicle.preview
