@@ -151,7 +151,8 @@ def wilson(count: int, total: int) -> tuple[float, float]:
     p, z2 = count / total, Z95 * Z95
     middle = (p + z2 / (2 * total)) / (1 + z2 / total)
     half = Z95 / (1 + z2 / total) * math.sqrt(p * (1 - p) / total + z2 / (4 * total * total))
-    return max(0.0, middle - half), min(1.0, middle + half)
+    # Rounding must not put the share itself outside.
+    return max(0.0, min(p, middle - half)), min(1.0, max(p, middle + half))
 
 
 def worst(runs: Sequence[Run]) -> list[Run]:
