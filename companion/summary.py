@@ -14,6 +14,9 @@ LEVEL_DEG = 3.0
 BIN_S = 0.5
 SAME_DEG = 4.0
 UNKNOWN_DISTANCE_DEG = 15.0
+ROUGH_DISTANCE_DEG = 5.0
+"""How far apart an even and an uneven surface of one inclination are, to tell like from unlike."""
+ROUGH_SHARE = 0.5
 BRIEF_BINS = 4
 PARTLY = (0.2, 0.7)
 """Shares of the frames: fewer rough ones make an even surface, more an uneven one."""
@@ -56,12 +59,14 @@ class _Run:
     bins: int
     members: list[int]
     inclination_deg: float
+    rough: bool
 
     def distance_deg(self, other: "_Run") -> float:
         both = math.isnan(self.inclination_deg), math.isnan(other.inclination_deg)
         if any(both):
             return 0.0 if all(both) else UNKNOWN_DISTANCE_DEG
-        return abs(self.inclination_deg - other.inclination_deg)
+        apart = abs(self.inclination_deg - other.inclination_deg)
+        return apart if self.rough == other.rough else apart + ROUGH_DISTANCE_DEG
 
 
 def stretches(history: History, limits: DecisionOptions) -> list[Stretch]:
@@ -69,13 +74,14 @@ def stretches(history: History, limits: DecisionOptions) -> list[Stretch]:
     times, inclination = np.array(history.times), history.series("inclination_deg")
     if np.all(np.isnan(inclination)):
         inclination = np.hypot(history.series("slope_x_deg"), history.series("slope_y_deg"))
+    rough = history.series("roughness") > limits.max_roughness
     numbers = np.floor(times / BIN_S).astype(int)
     bins = []
     for number in np.unique(numbers):
         members = np.flatnonzero(numbers == number).tolist()
-        bins.append(_Run(1, members, _middle(inclination[members])))
+        is_rough = float(rough[members].mean()) > ROUGH_SHARE
+        bins.append(_Run(1, members, _middle(inclination[members]), is_rough))
     frame_s = history.duration_s / max(times.size, 1)
-    rough = history.series("roughness") > limits.max_roughness
     found = []
     for run in _without_brief(_joined(bins, inclination), inclination):
         known = inclination[run.members]
@@ -222,12 +228,13 @@ def _without_brief(runs: list[_Run], inclination: np.ndarray) -> list[_Run]:
         neighbours = [i for i in (at - 1, at + 1) if 0 <= i < len(runs)]
         to = min(neighbours, key=lambda i: runs[i].distance_deg(runs[at]))
         first, last = min(at, to), max(at, to)
-        kept = runs[to].inclination_deg
+        kept = runs[to]
         runs[first : last + 1] = [_union(runs[first], runs[last], inclination)]
-        runs[first].inclination_deg = kept
+        runs[first].inclination_deg, runs[first].rough = kept.inclination_deg, kept.rough
     return _joined(runs, inclination)
 
 
 def _union(first: _Run, second: _Run, inclination: np.ndarray) -> _Run:
     members = first.members + second.members
-    return _Run(first.bins + second.bins, members, _middle(inclination[members]))
+    larger = first if first.bins >= second.bins else second
+    return _Run(first.bins + second.bins, members, _middle(inclination[members]), larger.rough)

@@ -81,6 +81,15 @@ def test_like_surface_is_one_stretch_and_an_edge_is_none():
     ]
 
 
+def test_uneven_ground_is_told_apart_from_even_ground_of_the_same_inclination():
+    kept = flight((3, 1, 0.001), (6, 2, 0.03), (0.5, 1, 0.001), (4, 1, 0.03), (5, 1, 0.001))
+    assert [stretch.surface for stretch in stretches(kept, LIMITS)] == [
+        "level, even",
+        "level, uneven",
+        "level, even",
+    ]
+
+
 def test_stretches_cover_the_flight_without_gaps():
     kept = flight((3, 1, 0.001), (5, 15, 0.001), (3, 30, 0.001))
     found = stretches(kept, LIMITS)
