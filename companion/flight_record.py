@@ -1,7 +1,10 @@
-"""A lockstep flight as a flight folder with truth: what a recording of the real thing looks like."""
+"""Simulated flights as flight folders with their truth: what a recording of the real thing looks like."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from companion.core import Output, Processed
 from companion.judge import LandRequest
@@ -9,6 +12,8 @@ from companion.messages import encode, topic_of
 from companion.recording import flight_papers
 from companion.settings import Settings
 from drivers.errors import DriverError
+from drivers.flight_folder import STAMPS
+from drivers.frame_table import read_frame_table
 from drivers.recorder import FlightPapers, Recorder, RecorderOptions
 from drivers.samples import Frame
 from drivers.simulated.truth import FrameTruth, write_truth
@@ -17,6 +22,8 @@ UNBOUNDED = 10**9
 """A lockstep flight can wait for the disk: nothing is dropped."""
 CLOSE_S = 60.0
 TRUTH = "truth.csv"
+SAME_FRAME_US = 3000
+"""A recorded stamp and an exposure further apart than this are not the same frame."""
 
 
 class FlightRecord:
@@ -51,3 +58,30 @@ class FlightRecord:
         rows = [replace(truth, frame=index) for index, truth in enumerate(self._truths)]
         write_truth(folder / TRUTH, rows)
         return folder
+
+
+def folders_in(directory: Path | None) -> set[Path]:
+    """The folders that are in a directory, which need not exist."""
+    if directory is None or not directory.is_dir():
+        return set()
+    return {entry for entry in directory.iterdir() if entry.is_dir()}
+
+
+def add_truth(directory: Path, before: set[Path], truths: Sequence[tuple[int, FrameTruth]]) -> Path:
+    """Write the truth into the folder that a daemon has just recorded under ``directory``.
+
+    ``truths`` are (stamp in us, truth) of every exposure; the daemon skipped some. Raises DriverError without a
+    new folder.
+    """
+    new = sorted(folders_in(directory) - before)
+    if not new or not truths:
+        raise DriverError(f"{directory}: nothing was recorded; is the disk full?")
+    rows = read_frame_table(new[-1] / STAMPS).rows
+    stamps = np.array([stamp for stamp, _ in truths])
+    found = []
+    for number, row in rows.items():
+        nearest = int(np.abs(stamps - row.stamp_us).argmin())
+        if abs(int(stamps[nearest]) - row.stamp_us) <= SAME_FRAME_US:
+            found.append(replace(truths[nearest][1], frame=number))
+    write_truth(new[-1] / TRUTH, found)
+    return new[-1]

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from companion.daemon import Daemon
 from companion.errors import LandslopeError
+from companion.flight_record import add_truth, folders_in
 from companion.flight_result import FlightResult, PathPoint, Request
 from companion.ground import fitness, patch
 from companion.hardware import BuiltIn, Hardware, Sitl
@@ -35,6 +36,7 @@ from drivers.cameras.reader import ReaderCamera
 from drivers.errors import DriverError
 from drivers.simulated.ardupilot_json import PORT
 from drivers.simulated.live_camera import SimulatedGrabber
+from drivers.simulated.truth import FrameTruth
 
 READY_S = 20.0
 """How long MAVSDK, link and camera may take to find each other."""
@@ -116,6 +118,9 @@ class _LiveFlight:
         stack.callback(hardware.stop)
         self._zero_s: float | None = None
         self._path_due_s = 0.0
+        self._record = options.record
+        self._folders = folders_in(options.record)
+        self._truths: list[tuple[int, FrameTruth]] = []
         self._exposures: deque[tuple[int, float]] = deque(maxlen=400)
         self.result = FlightResult(scenario.name)
         settings = _wired(settings, hardware.connection, options)
@@ -147,6 +152,8 @@ class _LiveFlight:
             touch = vehicle.touch_downs[0]
             result.touch_down = replace(touch, time_s=touch.time_s - (self._zero_s or 0.0))
             result.touch_ground = patch(self._scene.world, touch.position[0], touch.position[1])
+        if self._record is not None:
+            result.folder = add_truth(self._record, self._folders, self._truths)
         result.elapsed_s = time.perf_counter() - started
         return result
 
@@ -181,6 +188,9 @@ class _LiveFlight:
     def _picture(self, number: int, time_s: float) -> NDArray[np.uint8] | None:
         companion_us = host_clock.now_us() - round((self._hardware.now_s - time_s) * 1e6)
         self._exposures.append((companion_us, time_s))
+        if self._record is not None:
+            late_us = round(self._scenario.camera.late_s * 1e6)
+            self._truths.append((companion_us + late_us, self._scene.truth(number, time_s)))
         return self._scene.picture(number, time_s, time_s - (self._zero_s or np.inf))
 
     def _await_ready(self) -> None:
