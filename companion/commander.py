@@ -3,6 +3,7 @@
 import logging
 import queue
 import threading
+import time
 from collections.abc import Callable
 from typing import Literal
 
@@ -18,9 +19,14 @@ from drivers.samples import CommandAnswer, Sample
 log = logging.getLogger(__name__)
 
 CONNECT_S = 0.5
+LONGEST_WAIT_S = 1.0
+"""An order that waited longer behind another one is not carried out: what it was given for has passed."""
+TOO_LATE = "TOO_LATE"
 AMBIGUOUS_VEHICLE = "AMBIGUOUS_VEHICLE"
 LONGEST_COMMAND_S = 12.0
 """MAVSDK gives up after 10 s at the latest."""
+
+Order = Literal["land", "hold"]
 
 
 class Commander:
@@ -39,7 +45,7 @@ class Commander:
         self._on_samples = on_samples
         self._on_event = on_event
         self._autopilot = Autopilot(link)
-        self._orders: queue.SimpleQueue[Literal["land", "hold"]] = queue.SimpleQueue()
+        self._orders: queue.SimpleQueue[tuple[Order, float]] = queue.SimpleQueue()
         self._open = 0
         self._lock = threading.Lock()
         self._stop = threading.Event()
@@ -77,19 +83,19 @@ class Commander:
         self._autopilot.close()
         return True
 
-    def _order(self, order: Literal["land", "hold"]) -> None:
+    def _order(self, order: Order) -> None:
         with self._lock:
             self._open += 1
-        self._orders.put(order)
+        self._orders.put((order, time.monotonic()))
 
     def _run(self) -> None:
         while not (self._stop.is_set() and self._orders.empty()):
             self._connect()
             try:
-                order = self._orders.get(timeout=0.1)
+                order, given = self._orders.get(timeout=0.1)
             except queue.Empty:
                 continue
-            self._carry_out(order)
+            self._carry_out(order, time.monotonic() - given)
             with self._lock:
                 self._open -= 1
 
@@ -101,8 +107,10 @@ class Commander:
                 log.error("%s", error)
                 self._stop.wait(CONNECT_S)
 
-    def _carry_out(self, order: Literal["land", "hold"]) -> None:
-        if self._link.ambiguous:
+    def _carry_out(self, order: Order, age_s: float) -> None:
+        if age_s > LONGEST_WAIT_S:
+            outcome = Outcome(TOO_LATE, (), "not called")
+        elif self._link.ambiguous:
             outcome = Outcome(AMBIGUOUS_VEHICLE, (), "not called")
         elif order == "hold":
             outcome = self._autopilot.hold()

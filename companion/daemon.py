@@ -7,7 +7,8 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 
-from companion.commander import LONGEST_COMMAND_S, Commander
+from companion.command import NAV_LAND
+from companion.commander import TOO_LATE, Commander
 from companion.core import LandRequest, Output, Processed
 from companion.errors import LandslopeError
 from companion.inbox import Inbox
@@ -24,7 +25,7 @@ from drivers.cameras import Camera, CameraFormat, ReaderLimits, open_camera
 from drivers.cameras.interface import Notify
 from drivers.host_clock import now_us
 from drivers.link import Link
-from drivers.samples import AngularRate, Sample
+from drivers.samples import AngularRate, CommandAnswer, Sample
 from drivers.service_manager import ServiceManager
 from drivers.single_instance import SingleInstance
 
@@ -32,6 +33,10 @@ log = logging.getLogger(__name__)
 
 TICK_S = 0.1
 """How long the loop waits for something to happen; silence is noticed that often."""
+
+ANSWER_S = 10.0
+"""How long the end waits for the answer to a command; MAVSDK gives up by then."""
+CLOSE_S = 2.0
 
 OpenCamera = Callable[[Notify], Camera]
 
@@ -70,7 +75,7 @@ class Daemon:
                 self._link.start()
                 stack.callback(self._link.close)
                 self._commander.start()
-                stack.callback(self._commander.close)
+                stack.callback(self._commander.close, CLOSE_S)
             self._stack = stack.pop_all()
 
     def _new_link(self) -> Link | None:
@@ -151,7 +156,11 @@ class Daemon:
             self._message(output)
 
     def _request(self, request: LandRequest) -> None:
-        if self._commander is not None and not self._stop.is_set():
+        if self._commander is None or self._stop.is_set():
+            return
+        if now_us() - request.time_unix_us > self.settings.landing.request_max_age_s * 1e6:
+            self._inbox.put([CommandAnswer(now_us(), NAV_LAND, TOO_LATE)])
+        else:
             self._commander.request(request)
 
     def _message(self, message: Message) -> None:
@@ -181,8 +190,8 @@ class Daemon:
         if self._commander is None or not self._commander.busy:
             return
         log.info("a command is under way; waiting for its answer")
-        self.service.more_time(LONGEST_COMMAND_S)
-        deadline = time.monotonic() + LONGEST_COMMAND_S
+        self.service.more_time(ANSWER_S + CLOSE_S)
+        deadline = time.monotonic() + ANSWER_S
         while self._commander.busy and time.monotonic() < deadline:
             self._turn()
         self._turn()

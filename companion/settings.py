@@ -213,6 +213,9 @@ class LandingSettings:
     mode_timeout_s: Annotated[
         float, Limits(1, 30, "s", "how long an accepted command may take to change the mode to LAND")
     ] = 5.0
+    request_max_age_s: Annotated[
+        float, Limits(0.1, 5, "s", "a request whose frame is older than this is not sent: something hung")
+    ] = 1.0
     on_unfit: Annotated[
         Literal["report", "hold"], Meaning("what to do when the surface turns out unfit after the request")
     ] = "report"

@@ -181,11 +181,12 @@ class DaemonBench:
     def __enter__(self) -> "DaemonBench":
         self.vehicle.__enter__()
         self.daemon = Daemon(self.settings, self.camera)
-        self.daemon_thread = threading.Thread(target=self.daemon.run, daemon=True)
-        self.daemon_thread.start()
         if self._watched:
             self._listener = threading.Thread(target=self._listen, daemon=True)
             self._listener.start()
+            wait_for(lambda: self.alive, "liveliness token")
+        self.daemon_thread = threading.Thread(target=self.daemon.run, daemon=True)
+        self.daemon_thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -13,6 +13,7 @@ from flight_edits import During
 from companion.daemon import Daemon
 from drivers.bus import Endpoints, Subscription, open_session
 from drivers.errors import DriverError
+from drivers.host_clock import now_us
 
 
 @pytest.mark.parametrize(
@@ -33,6 +34,17 @@ def test_a_refused_or_unanswered_command_is_told_and_not_repeated(tmp_path, answ
         commands = [t for t, c in bench.vehicle.commands if c.command == 21]
         assert commands[-1] - commands[0] < 2.0, "only MAVSDK's own repetitions"
         assert bench.of("decision")[-1]["command"].endswith(word)
+
+
+def test_a_request_that_hung_is_not_sent(tmp_path, monkeypatch) -> None:
+    import companion.daemon as module
+
+    with DaemonBench(tmp_path, (0.0, 3.0)) as bench:
+        monkeypatch.setattr(module, "now_us", lambda: now_us() + 1_500_000)
+        bench.play_to_end()
+        (failed,) = bench.events("landing_failed")
+        assert "too late" in failed["text"]
+        assert not bench.vehicle.land_commands()
 
 
 def test_stopping_lets_a_command_get_its_answer(tmp_path) -> None:
