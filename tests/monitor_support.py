@@ -125,7 +125,7 @@ class Browser:
         return str(
             self.script(
                 "const a = document.getElementById('alarm');"
-                "return a && getComputedStyle(a).display !== 'none' ? a.textContent : ''"
+                "return a && a.offsetParent !== null ? a.textContent : ''"
             )
         )
 

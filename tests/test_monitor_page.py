@@ -231,9 +231,14 @@ def test_the_alarm_comes_when_a_vehicle_stops_and_goes_when_it_returns(
     assert eventually(lambda: float(browser.script(faded)) == 1)
     vehicle.close()  # the process ends
     assert eventually(lambda: silent in browser.alarm())
+    browser.script("document.getElementById('dismiss').click()")
+    assert eventually(lambda: silent not in browser.alarm())
     back = Vehicle(vehicle.bus.vehicle, net.endpoint)
     try:
-        assert eventually(lambda: silent not in browser.alarm())
+        assert eventually(lambda: float(browser.script(faded)) == 1)
+        assert silent not in browser.alarm()
+        back.quiet.set()  # a silence that begins anew is shown again
+        assert eventually(lambda: silent in browser.alarm())
     finally:
         back.close()
 

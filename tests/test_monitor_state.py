@@ -50,6 +50,14 @@ def test_vehicles_and_events_are_bounded() -> None:
     assert [e.text for e in watch.vehicles["v0"].events] == ["5", "6", "7", "8", "9"]
 
 
+def test_a_vehicle_that_left_makes_room_for_a_new_one() -> None:
+    watch = Watch(OPTIONS)
+    for name, now in (("a", 0.0), ("b", 1.0), ("c", 20.0), ("d", 20.0), ("e", 20.0), ("f", 20.0)):
+        watch.take(said(name, 1), now)
+    assert sorted(watch.vehicles) == ["c", "d", "e"]
+    assert watch.left_out == 1
+
+
 @pytest.mark.parametrize(
     "delivery",
     [

@@ -69,7 +69,14 @@ class Page:
         self._chips: list[tuple[str, str, bool, bool]] = []
         self._inputs: list[Any] = []
         ui.add_css(CSS)
-        self._alarm = ui.label().classes("alarm").props("id=alarm role=alert")
+        self._dismissed: dict[str, float] = {}
+        self._silent: list[tuple[str, float]] = []
+        with ui.element("div").classes("alarm") as self._alarm_bar:
+            self._alarm = ui.label().props("id=alarm role=alert")
+            self._dismiss = ui.element("button").classes("dismiss").props("id=dismiss")
+            self._dismiss.on("click", self._dismiss_silent)
+            with self._dismiss:
+                ui.label("hide until heard again")
         with ui.element("main").classes("page") as self._main:
             self._build()
         self.refresh()
@@ -146,11 +153,20 @@ class Page:
         lines = []
         if self._feed.links() == 0:
             lines.append("NO CONNECTION: no router and no vehicle is reachable")
-        lines += [f"{name} IS SILENT for {words.duration(s)}" for name, s in view.silent[:MOST_WORDS]]
-        if not view.names and not lines:
-            lines.append("no vehicle is heard yet")
+        since = dict(view.silent)
+        self._dismissed = {name: s for name, s in self._dismissed.items() if since.get(name, -1.0) >= s}
+        self._silent = [(name, s) for name, s in view.silent if name not in self._dismissed]
+        lines += [f"{name} IS SILENT for {words.duration(s)}" for name, s in self._silent[:MOST_WORDS]]
+        if view.vehicle is None and not lines:
+            lines.append(f"{self._chosen or 'no vehicle'} is not heard yet")
         self._alarm.set_text(" · ".join(lines))
-        self._alarm.set_visibility(bool(lines))
+        self._alarm_bar.set_visibility(bool(lines))
+        self._dismiss.set_visibility(bool(self._silent))
+
+    def _dismiss_silent(self) -> None:
+        """On this page only, and only for this silence: one that begins anew is shown again."""
+        self._dismissed |= dict(self._silent)
+        self.refresh()
 
     def _show_chips(self, view: View) -> None:
         shown = view.vehicle.name if view.vehicle else None

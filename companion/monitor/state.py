@@ -77,7 +77,7 @@ class Watch:
         with self.lock:
             vehicle = self.vehicles.get(delivery.vehicle)
             if vehicle is None:
-                vehicle = self._new_vehicle(delivery)
+                vehicle = self._new_vehicle(delivery, now_s)
                 if vehicle is None:
                     return
             if delivery.alive is not None:
@@ -109,15 +109,10 @@ class Watch:
                     vehicle.rate_hz = vehicle.rate_count / (now_s - vehicle.rate_since_s)
                     vehicle.rate_count, vehicle.rate_since_s = 0, now_s
 
-    def forget(self, name: str) -> None:
-        """Drop a vehicle; it comes back when it speaks again."""
-        with self.lock:
-            self.vehicles.pop(name, None)
-
-    def _new_vehicle(self, delivery: Delivery) -> Vehicle | None:
+    def _new_vehicle(self, delivery: Delivery, now_s: float) -> Vehicle | None:
         if delivery.alive is False:
             return None
-        if len(self.vehicles) >= self.options.max_vehicles:
+        if len(self.vehicles) >= self.options.max_vehicles and not self._make_room(now_s):
             self.left_out += 1
             return None
         options = self.options
@@ -128,6 +123,14 @@ class Watch:
         )
         self.vehicles[vehicle.name] = vehicle
         return vehicle
+
+    def _make_room(self, now_s: float) -> bool:
+        """Forget the vehicle that has been silent longest, if there is one."""
+        silent = [vehicle for vehicle in self.vehicles.values() if self.is_silent(vehicle, now_s)]
+        if not silent:
+            return False
+        del self.vehicles[min(silent, key=lambda vehicle: vehicle.heard_s or 0.0).name]
+        return True
 
     def _decoded(self, delivery: Delivery) -> Estimate | Decision | Health | Event | Preview | None:
         decoder = self._decoders.get(delivery.topic)
