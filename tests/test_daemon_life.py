@@ -3,6 +3,7 @@
 import socket
 import threading
 import time
+from dataclasses import replace
 
 import flight_edits as edits
 import pytest
@@ -13,7 +14,6 @@ from flight_edits import During
 from companion.daemon import Daemon
 from drivers.bus import Endpoints, Subscription, open_session
 from drivers.errors import DriverError
-from drivers.host_clock import now_us
 
 
 @pytest.mark.parametrize(
@@ -37,10 +37,10 @@ def test_a_refused_or_unanswered_command_is_told_and_not_repeated(tmp_path, answ
 
 
 def test_a_request_that_hung_is_not_sent(tmp_path, monkeypatch) -> None:
-    import companion.daemon as module
-
     with DaemonBench(tmp_path, (0.0, 3.0)) as bench:
-        monkeypatch.setattr(module, "now_us", lambda: now_us() + 1_500_000)
+        request = bench.daemon._request
+        late = lambda r: request(replace(r, time_unix_us=r.time_unix_us - 1_500_000))  # noqa: E731
+        monkeypatch.setattr(bench.daemon, "_request", late)
         bench.play_to_end()
         (failed,) = bench.events("landing_failed")
         assert "too late" in failed["text"]
