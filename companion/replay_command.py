@@ -7,6 +7,7 @@ parallel, --out, --events, --plot and --video take a directory or a name with {f
 import argparse
 import multiprocessing
 import os
+import signal
 import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, wait
@@ -142,6 +143,7 @@ _reports: Any = None
 def _start_worker(queue: Any) -> None:
     global _reports
     _reports = queue
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # an interrupt ends a worker without a traceback
 
 
 def _work(job: "ReplayJob") -> tuple[str, bool]:

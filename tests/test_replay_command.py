@@ -1,9 +1,12 @@
 """``landslope replay``: what it writes, what it says, and that bad input is one clear line before or after the run."""
 
 import json
+import os
 import shutil
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import cv2
@@ -243,6 +246,24 @@ def test_at_the_recorded_pace(flight: Path, capsys):
     assert cli.main(["replay", str(flight), *FAST, "--realtime"]) == 0
     elapsed_s = float(capsys.readouterr().out.split("replayed in ")[1].split()[0])
     assert elapsed_s >= SECONDS - 0.1
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_an_interrupt_ends_it_without_a_traceback(several: bool, flight: Path, tmp_path: Path):
+    flights = [flight, shutil.copytree(flight, tmp_path / "other")] if several else [flight]
+    outs = ["--realtime", "--out", f"{tmp_path}/out/"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "companion.cli", "replay", *map(str, flights), *FAST, *outs],
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+    written = tmp_path / "out" / f"{flights[-1].name}.jsonl"
+    while process.poll() is None and not (written.exists() and written.stat().st_size):
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGINT)
+    _, said = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert said == b""
 
 
 @pytest.mark.parametrize("routed", [False, True], ids=["peer to peer", "through a router"])
