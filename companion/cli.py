@@ -30,6 +30,7 @@ COMMANDS = {
     "watch": ("companion.watch_command", "show a vehicle's messages live in the terminal"),
     "install": ("companion.install_command", "install landslope as a systemd service, or take it off again"),
     "sim": ("companion.sim_command", "fly a simulated drone over simulated ground, closed loop"),
+    "calibrate": ("companion.calibrate_command", "calibrate the camera, print a board, measure its time offset"),
 }
 """Name -> (module with add_arguments(parser) and run(args) -> exit code, one line of help)."""
 
