@@ -30,10 +30,13 @@ class TrackingOptions:
     grey_noise: Annotated[float, Limits(0.1, 50, "grey", "image noise after the stretch, for weights")] = 4.0
     match_std_px: Annotated[float, Limits(0.001, 1, "px", "error of a match that no texture helps against")] = 0.05
     corner_max_std_px: Annotated[float, Limits(0.01, 2, "px", "worst predicted error of a corner")] = 0.4
+    corner_px: Annotated[int, Limits(3, 41, "px", "side of the window a corner is found by")] = 5
+    spacing_px: Annotated[int, Limits(0, 50, "px", "new corners keep this far from tracks")] = 7
+    anchors: Annotated[int, Limits(1, 8, "", "images that tracks are matched against at once")] = 3
     twin_px: Annotated[float, Limits(1, 50, "px", "tracks as near as this are one")] = 5.0
     renew_below: Annotated[float, Limits(0, 1, "", "share of tracks left at which corners are added")] = 0.75
     renew_after_frames: Annotated[int, Limits(1, 1000, "frames", "oldest reference image")] = 15
-    renew_after_px: Annotated[float, Limits(1, 1000, "px", "largest motion from the reference image")] = 12.0
+    renew_after_px: Annotated[float, Limits(1, 1000, "px", "motion after which corners are added")] = 8.0
     renew_after_growth: Annotated[
         float, Limits(0.01, 1, "", "largest growth or turn (rad) from the reference")
     ] = 0.06
@@ -61,10 +64,10 @@ class EstimatorOptions:
     noise_floor: Annotated[float, Limits(0.01, 1, "", "smallest track noise believed, over the predicted")] = 0.3
     noise_cap: Annotated[float, Limits(1, 100, "", "largest track noise believed, over the predicted")] = 10.0
     map_max_flow_px: Annotated[float, Limits(1, 200, "px", "longest flow over a baseline")] = 45.0
-    map_min_flow_px: Annotated[float, Limits(0.05, 50, "px", "smallest RMS flow an estimate is made from")] = 1.5
+    map_min_flow_px: Annotated[float, Limits(0.05, 50, "px", "smallest RMS flow an estimate is made from")] = 5.0
     map_keep_tracks: Annotated[float, Limits(0, 1, "", "share of the tracks that a baseline keeps")] = 0.5
     map_cut: Annotated[float, Limits(2, 10, "sigma", "residual beyond which a track counts as an outlier")] = 4.5
-    max_slope_std_deg: Annotated[float, Limits(0.1, 30, "deg", "uncertainty above which the slope is unknown")] = 2.5
+    max_slope_std_deg: Annotated[float, Limits(0.1, 30, "deg", "uncertainty above which the slope is unknown")] = 1.5
     motion_span_s: Annotated[float, Limits(0.02, 2, "s", "interval that the newest motion is taken from")] = 0.2
     acceleration_std: Annotated[float, Limits(0.01, 100, "1/s^2", "usual acceleration over height")] = 2.0
     memory_s: Annotated[float, Limits(0, 30, "s", "how far back estimates are fused")] = 2.0
@@ -84,7 +87,6 @@ class EstimatorOptions:
     restart_below: Annotated[float, Limits(0, 1, "", "inlier share at which the fit is started afresh")] = 0.6
     relief_groups: Annotated[int, Limits(0, 10, "", "baselines for tracks younger than the plane's")] = 2
     gross_sigmas: Annotated[float, Limits(1, 20, "sigma", "residual across the motion that unmasks an error")] = 4.0
-    lasting_sigmas: Annotated[float, Limits(1, 20, "sigma", "change of a track's height that unmasks an error")] = 6.0
     max_roughness_std: Annotated[float, Limits(0.0005, 0.1, "", "uncertainty above which roughness is unknown")] = 0.01
     quadratic_hypotheses: Annotated[int, Limits(1, 1000, "", "RANSAC hypotheses of a fit")] = 20
     quadratic_inlier_px: Annotated[float, Limits(0.05, 10, "px", "largest error of an inlier")] = 0.5

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from landing.motion import displacement
 from landing.options import EstimatorOptions
 from landing.plane import Plane
-from landing.tracking import FeatureTracker
 from landing.views import Baseline, Views
 
 Array = NDArray[np.float64]
@@ -39,91 +38,84 @@ class Relief:
 
 
 class ReliefMap:
-    """Heights of the tracked points over the plane, frame by frame; each track over the longest gap it has."""
+    """Heights of the tracked points over the plane; each track over the longest baseline it has."""
 
-    def __init__(self, options: EstimatorOptions, focal_px: float, capacity: int) -> None:
-        self.options, self.focal_px = options, focal_px
-        self._heights = np.full((FeatureTracker.HISTORY, capacity), np.nan)
-        self._stds = np.full((FeatureTracker.HISTORY, capacity), np.nan)
+    def __init__(self, options: EstimatorOptions) -> None:
+        self.options = options
 
     def step(self, views: Views, plane: Plane) -> Relief | None:
         """Relief at the newest frame over ``plane``; None when there is no baseline to see it by."""
         tracker, o = views.tracker, self.options
-        row = tracker.frame % tracker.HISTORY
-        self._heights[row] = np.nan
         if plane.status != "ok" or plane.gap < 1:
             return None
-        gross = 0
-        weight = np.ones(len(tracker.alive))
+        capacity = len(tracker.alive)
+        weight = np.ones(capacity)
         weight[plane.slots] = plane.weight
-        for gap in self._gaps(views, plane.gap):
-            baseline = views.baseline(gap)
-            corrected = plane.old_from_new if gap == plane.gap else None
-            measured = heights(baseline, plane.normal, corrected, weight, o.noise_floor, o.gross_sigmas)
+        height, std = np.full(capacity, math.nan), np.full(capacity, math.nan)
+        older, older_std = np.full(capacity, math.nan), np.full(capacity, math.nan)
+        half = max(1, plane.gap // 2)
+        wrong = np.zeros(capacity, bool)
+        for gap, before in self._baselines(views, half):
+            baseline = views.baseline(gap, before)
+            # the same plane, in the axes of the frame where the baseline begins
+            normal = plane.normal if before == 0 else turned(plane.normal, views.rotation(before))
+            measured = heights(baseline, normal, weight, o.noise_floor, o.gross_sigmas)
             if measured is None:
                 continue
-            height, std, wrong = measured
-            fresh = np.isnan(self._heights[row, baseline.tracks.slots])
-            gross += int((wrong & fresh).sum())
-            fresh &= ~wrong
-            self._heights[row, baseline.tracks.slots[fresh]] = height[fresh]
-            self._stds[row, baseline.tracks.slots[fresh]] = std[fresh]
-        slots = np.flatnonzero(np.isfinite(self._heights[row]))
-        height, std = self._heights[row, slots], self._stds[row, slots]
+            slots = baseline.tracks.slots
+            into, into_std = (height, std) if before == 0 else (older, older_std)
+            fresh = np.isnan(into[slots])
+            into[slots[fresh]], into_std[slots[fresh]] = measured[0][fresh], measured[1][fresh]
+            wrong[slots[fresh & measured[2]]] = True
+        height[wrong] = math.nan
+        slots = np.flatnonzero(np.isfinite(height))
+        h, s, h2, s2 = height[slots], std[slots], older[slots], older_std[slots]
+        unknown = Relief(slots, h, s, math.nan, math.nan, int(wrong.sum()))
         if len(slots) < o.min_roughness_tracks:
-            return Relief(slots, height, std, math.nan, math.nan, gross)
-        # an older measurement of the same track, over other frames
-        lag = max(1, plane.gap // 2) if plane.gap > 1 else 2
-        older_row = (tracker.frame - lag) % tracker.HISTORY
-        twice = (tracker.born[slots] < tracker.frame - lag) & np.isfinite(self._heights[older_row, slots])
-        older = np.where(twice, self._heights[older_row, slots], 0.0)
-        older_std = np.where(twice, self._stds[older_row, slots], std)
-        # a height that did not last is a tracking error
-        lasting = ~twice | (np.abs(height - older) < o.lasting_sigmas * np.hypot(std, older_std))
-        gross += int((~lasting).sum())
-        product = np.where(twice, height * older, height**2 - std**2)[lasting]
-        variance = np.where(twice, std * older_std, std**2)[lasting]
-        if len(product) < o.min_roughness_tracks:
-            return Relief(slots, height, std, math.nan, math.nan, gross)
-        mean_square = 0.0
+            return unknown
+        twice = np.isfinite(h2)
+        product = np.where(twice, h * h2, h**2 - s**2)
+        variance = np.where(twice, s * s2, s**2)
+        mean_square, total = 0.0, 1.0
         for _ in range(4):
-            weight = 1.0 / (variance + mean_square) ** 2
-            total = float(weight.sum())
-            mean_square = max(float((weight * product).sum()) / total, 0.0)
+            w = 1.0 / (variance + mean_square) ** 2
+            total = float(w.sum())
+            mean_square = max(float((w * product).sum()) / total, 0.0)
         rough = math.sqrt(mean_square)
-        spread = math.sqrt(2.0 / total)
-        rough_std = math.sqrt(mean_square + spread) - rough
+        rough_std = math.sqrt(mean_square + math.sqrt(2.0 / total)) - rough
         if rough_std > o.max_roughness_std:
-            rough = rough_std = math.nan
-        return Relief(slots, height, std, rough, rough_std, gross)
+            return unknown
+        return Relief(slots, h, s, rough, rough_std, unknown.gross)
 
-    def _gaps(self, views: Views, longest: int) -> list[int]:
-        """The plane's own baseline, then shorter ones for the tracks that are younger."""
+    def _baselines(self, views: Views, half: int) -> list[tuple[int, int]]:
+        """(gap, before): two baselines end to end, then shorter ones for the tracks that are younger."""
         tracker = views.tracker
         ages = tracker.frame - np.unique(tracker.born[tracker.alive])
-        younger = sorted((int(age) for age in ages if 2 <= age < longest), reverse=True)
-        return [longest, *younger[: self.options.relief_groups]]
+        younger = sorted((int(age) for age in ages if 2 <= age < half), reverse=True)
+        twice = [(half, half)] if 2 * half <= views.longest else []
+        return [(half, 0), *twice, *((age, 0) for age in younger[: self.options.relief_groups])]
+
+
+def turned(normal: Array, old_from_new: Array | None) -> Array:
+    """The normal (3,) in the axes of an older frame, with z = 1 again."""
+    if old_from_new is None:
+        return normal
+    n = old_from_new @ normal
+    return n / n[2]
 
 
 def heights(
     baseline: Baseline,
     normal: Array,
-    old_from_new: Array | None,
     weight: Array,
     noise_floor: float,
     gross_sigmas: float,
 ) -> tuple[Array, Array, NDArray[np.bool_]] | None:
     """Height over the plane (n,) over the distance along the axis, its standard deviation, and gross errors.
 
-    ``old_from_new`` replaces the measured rotation where a fit has corrected it; ``weight`` as in ``velocity``.
+    ``weight`` as in ``velocity``.
     """
-    tracks = baseline.tracks
-    derotated = baseline.derotated_old
-    rotation = baseline.old_from_new
-    if old_from_new is not None:
-        rotation = old_from_new
-        q = tracks.old @ rotation[:2] + rotation[2]
-        derotated = q[:, :2] / q[:, 2:]
+    tracks, derotated = baseline.tracks, baseline.derotated_old
     found = displacement(tracks.new, derotated[None], normal, tracks.whitener, weight[tracks.slots])
     if found is None:
         return None

@@ -1,8 +1,8 @@
 """Corners and their tracks: Shi-Tomasi corners spread by a grid, followed by pyramidal Lucas-Kanade.
 
-Each frame is matched against one reference image (not against the frame before), so that errors do not add up
-from frame to frame; the reference is renewed when the view has changed too much, and corners are then added in
-the cells of the grid that have lost theirs. The positions of the last frames stay in a ring, so an estimator can
+Each track is matched against the image where it was found, its anchor, and not against the frame before, so that
+errors do not add up; it gets a new anchor when the old one looks too different or is one too many. Corners are
+added in the empty cells of the grid as the view moves on. The positions of the last frames stay in a ring, so an estimator can
 take any gap between two frames without tracking again.
 """
 
@@ -18,6 +18,9 @@ from landing.options import TrackingOptions
 
 Points = NDArray[np.float64]
 Image = NDArray[Any]
+
+_CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 0.01)
+_GUESS = cv2.OPTFLOW_USE_INITIAL_FLOW
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +39,14 @@ class TrackPair:
     whitener: Points
 
 
+@dataclass(slots=True)
+class _Anchor:
+    """An image that tracks are matched against, and the frame it was taken at."""
+
+    image: Image
+    frame: int
+
+
 class FeatureTracker:
     """Follows up to ``options.max_features`` corners through a sequence of grey images of one size."""
 
@@ -51,19 +62,21 @@ class FeatureTracker:
         self.pixels = np.full((n, 2), np.nan, np.float32)
         self.history = np.full((self.HISTORY, n, 2), np.nan)
         self.whitener = np.ones((3, n))
-        self._reference: Image | None = None
-        self._reference_px = np.zeros((n, 2), np.float32)
-        self._reference_frame = -1
+        self.refused = 0
+        self._anchors: list[_Anchor] = []
+        self._anchor_of = np.zeros(n, np.int64)
+        self._anchor_px = np.zeros((n, 2), np.float32)
+        self._placed_px = np.zeros((n, 2), np.float32)
+        self._placed_count = 0
         self._cell = max(8, round((camera.width * camera.height / (1.15 * n)) ** 0.5))
         self._rows, self._cols = camera.height // self._cell, camera.width // self._cell
         self._top = (camera.height - self._rows * self._cell) // 2
         self._left = (camera.width - self._cols * self._cell) // 2
-        self._reference_count = 0
-        self.refused = 0
 
     def reset(self) -> None:
         """Forget all tracks: the next frame starts anew."""
-        self.frame, self._reference = -1, None
+        self.frame = -1
+        self._anchors.clear()
         self.alive[:] = False
 
     def step(self, image: Image, new_from_previous: NDArray[np.float64] | None = None) -> None:
@@ -72,23 +85,24 @@ class FeatureTracker:
         ``new_from_previous`` (3, 3) predicts normalised homogeneous points of this frame from those of the
         frame before (a homography); a good prediction makes the search short and sure.
         """
-        smooth = self._prepared(image)
+        image = self._prepared(image)
         self.frame += 1
-        if self._reference is None:
-            self._renew(smooth)
-        else:
-            self._follow(smooth, new_from_previous)
-            if self._worn_out():
-                self._renew(smooth)
+        if self._anchors:
+            self._follow(image, new_from_previous)
+        if not self._anchors or self._changed():
+            self._place(image)
         normalised = self.history[self.frame % self.HISTORY]
         normalised[:] = np.nan
         normalised[self.alive] = self.camera.undistort(self.pixels[self.alive])
 
-    def pair(self, gap: int) -> TrackPair:
-        """The tracks common to the newest frame and the one ``gap`` frames before it."""
-        slots = np.flatnonzero(self.alive & (self.born <= self.frame - gap))
-        new = self.history[self.frame % self.HISTORY, slots]
-        old = self.history[(self.frame - gap) % self.HISTORY, slots]
+    def pair(self, gap: int, before: int = 0) -> TrackPair:
+        """The tracks common to the frame ``before`` frames ago and the one ``gap`` frames older still.
+
+        Only tracks that are still followed count.
+        """
+        slots = np.flatnonzero(self.alive & (self.born <= self.frame - gap - before))
+        new = self.history[(self.frame - before) % self.HISTORY, slots]
+        old = self.history[(self.frame - gap - before) % self.HISTORY, slots]
         return TrackPair(gap, slots, new, old, self.whitener[:, slots])
 
     def longest(self) -> int:
@@ -108,7 +122,8 @@ class FeatureTracker:
         o = self.options
         mean, spread = cv2.meanStdDev(image)
         gain = min(o.contrast / max(float(spread[0, 0]), 1e-3), o.max_gain)
-        image = cv2.convertScaleAbs(image, alpha=gain, beta=128 - gain * float(mean[0, 0])) if gain != 1 else image
+        if gain != 1:
+            image = cv2.convertScaleAbs(image, alpha=gain, beta=128 - gain * float(mean[0, 0]))
         if o.blur_px > 0:
             image = cv2.GaussianBlur(image, (5, 5), o.blur_px)
         return image
@@ -118,7 +133,6 @@ class FeatureTracker:
         if not len(slots):
             return
         o = self.options
-        start = self._reference_px[slots]
         guess, levels = self.pixels[slots], o.levels_unpredicted
         if new_from_previous is not None:
             previous = self.history[(self.frame - 1) % self.HISTORY, slots]
@@ -126,44 +140,38 @@ class FeatureTracker:
             guess = self.camera.project(p[:, :2] / p[:, 2:]).astype(np.float32)
             levels = o.levels
         window = (o.window_px, o.window_px)
-        criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 0.01)
-        flags = cv2.OPTFLOW_USE_INITIAL_FLOW
-        assert self._reference is not None
-        found, status, _ = cv2.calcOpticalFlowPyrLK(
-            self._reference, image, start, guess.copy(), None, None, window, levels, criteria, flags, 1e-4
-        )
-        back, status_back, _ = cv2.calcOpticalFlowPyrLK(
-            image, self._reference, found, start.copy(), None, None, window, 0, criteria, flags, 1e-4
-        )
-        error = np.abs(back - start).max(axis=1)
         margin = o.window_px / 2
-        inside = (
-            (found > margin) & (found < (self.camera.width - 1 - margin, self.camera.height - 1 - margin))
-        ).all(1)
-        good = (
-            status.ravel().astype(bool) & status_back.ravel().astype(bool) & (error < o.forward_backward_max_px) & inside
-        )
-        self.refused += int((inside & ~good).sum())
-        self.pixels[slots] = found
-        self.alive[slots[~good]] = False
+        limit = (self.camera.width - 1 - margin, self.camera.height - 1 - margin)
+        owner = self._anchor_of[slots]
+        for anchor in self._anchors:
+            mine = np.flatnonzero(owner == anchor.frame)
+            if not len(mine):
+                continue
+            start = self._anchor_px[slots[mine]]
+            found, status, _ = cv2.calcOpticalFlowPyrLK(
+                anchor.image, image, start, guess[mine], None, None, window, levels, _CRITERIA, _GUESS, 1e-4
+            )
+            back, status_back, _ = cv2.calcOpticalFlowPyrLK(
+                image, anchor.image, found, start.copy(), None, None, window, 0, _CRITERIA, _GUESS, 1e-4
+            )
+            error = np.abs(back - start).max(axis=1)
+            inside = ((found > margin) & (found < limit)).all(axis=1)
+            both = status.ravel().astype(bool) & status_back.ravel().astype(bool)
+            good = both & (error < o.forward_backward_max_px) & inside
+            self.refused += int((inside & ~good).sum())
+            self.pixels[slots[mine]] = found
+            self.alive[slots[mine[~good]]] = False
 
-    def _worn_out(self) -> bool:
+    def _changed(self) -> bool:
+        """Whether so much of the view is new that corners must be added."""
         o = self.options
         slots = np.flatnonzero(self.alive)
-        if len(slots) < o.renew_below * self._reference_count:
+        if len(slots) < o.renew_below * self._placed_count:
             return True
-        if self.frame - self._reference_frame >= o.renew_after_frames:
+        if self.frame - self._anchors[-1].frame >= o.renew_after_frames:
             return True
-        start, now = self._reference_px[slots], self.pixels[slots]
-        moved = np.median(np.abs(now - start), axis=0)
-        if float(moved.max()) > o.renew_after_px:
-            return True
-        # similarity between the patterns: how much they have grown and turned
-        a, b = start - start.mean(0), now - now.mean(0)
-        spread = float((a * a).sum()) + 1e-9
-        growth = float((a * b).sum()) / spread - 1
-        turn = float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()) / spread
-        return max(abs(growth), abs(turn)) > o.renew_after_growth
+        moved = np.abs(self.pixels[slots] - self._placed_px[slots]).max(axis=1)
+        return float(np.partition(moved, len(moved) // 2)[len(moved) // 2]) > o.renew_after_px
 
     def _occupied(self) -> NDArray[np.bool_]:
         cells = np.zeros((self._rows, self._cols), bool)
@@ -173,16 +181,47 @@ class FeatureTracker:
         cells[r, c] = True
         return cells
 
-    def _renew(self, image: Image) -> None:
-        """Take this frame as the reference and put a corner into every cell that has no track."""
-        self._reference, self._reference_frame = image, self.frame
+    def _place(self, image: Image) -> None:
+        """Make this frame an anchor and put a corner into every cell that has no track."""
+        o = self.options
         self._drop_twins()
-        o, half_window = self.options, self.options.window_px // 2
-        xx, xy, yy = structure_tensor(image, o.window_px)
-        strength = (xx + yy) / 2 - np.sqrt(((xx - yy) / 2) ** 2 + xy**2)
-        margin = half_window + 2
+        tensor = structure_tensor(image)
+        corners = self._corners(tensor)
+        free = np.flatnonzero(~self.alive)[: len(corners)]
+        corners = corners[: len(free)]
+        self.pixels[free] = corners
+        self.alive[free] = True
+        self.born[free] = self.frame
+        # tracks whose anchor is too old or looks too different are matched against this frame from now on
+        moved = self._worn_anchors()
+        moved[free] = True
+        slots = np.flatnonzero(moved)
+        self._anchor_of[slots] = self.frame
+        self._anchor_px[slots] = self.pixels[slots]
+        self._anchors.append(_Anchor(image, self.frame))
+        used = set(self._anchor_of[self.alive].tolist())
+        self._anchors = [a for a in self._anchors if a.frame in used or a.frame == self.frame]
+        if len(slots):
+            x, y = np.rint(self.pixels[slots]).astype(int).T
+            size = (o.window_px, o.window_px)
+            around = np.stack([cv2.boxFilter(t, -1, size)[y, x] for t in tensor]).astype(np.float64)
+            self.whitener[:, slots] = self._whitener(around)
+        self._placed_px[:] = self.pixels
+        self._placed_count = int(self.alive.sum())
+
+    def _corners(self, tensor: tuple[Image, Image, Image]) -> NDArray[np.float32]:
+        """The best corner (n, 2) px of each empty cell, best first (Shi and Tomasi's smaller eigenvalue)."""
+        o = self.options
+        size = (o.corner_px, o.corner_px)
+        xx, xy, yy = (cv2.boxFilter(t, -1, size) for t in tensor)
+        half = cv2.subtract(xx, yy) * 0.5
+        strength = (xx + yy) * 0.5 - cv2.magnitude(half, xy)
+        margin = o.window_px // 2 + 1
         strength[:margin] = strength[-margin:] = 0
         strength[:, :margin] = strength[:, -margin:] = 0
+        # not beside a track that is there already
+        for u, v in np.rint(self.pixels[self.alive]).astype(int):
+            strength[max(0, v - o.spacing_px) : v + o.spacing_px + 1, max(0, u - o.spacing_px) : u + o.spacing_px + 1] = 0
         s, rows, cols = self._cell, self._rows, self._cols
         blocks = strength[self._top : self._top + rows * s, self._left : self._left + cols * s]
         blocks = blocks.reshape(rows, s, cols, s).transpose(0, 2, 1, 3).reshape(rows * cols, s * s)
@@ -192,18 +231,27 @@ class FeatureTracker:
         limit = (o.grey_noise / (o.window_px * o.corner_max_std_px)) ** 2
         cells = np.flatnonzero((value > limit) & ~self._occupied().ravel())
         cells = cells[np.argsort(-value[cells], kind="stable")]
-        free = np.flatnonzero(~self.alive)[: len(cells)]
-        cells = cells[: len(free)]
-        self.pixels[free, 0] = self._left + (cells % cols) * s + best[cells] % s
-        self.pixels[free, 1] = self._top + (cells // cols) * s + best[cells] // s
-        self.alive[free] = True
-        self.born[free] = self.frame
-        slots = np.flatnonzero(self.alive)
-        x, y = np.rint(self.pixels[slots]).astype(int).T
-        tensor = np.stack((xx[y, x], xy[y, x], yy[y, x])).astype(np.float64)
-        self.whitener[:, slots] = self._whitener(tensor)
-        self._reference_px[:] = self.pixels
-        self._reference_count = len(slots)
+        u = self._left + (cells % cols) * s + best[cells] % s
+        v = self._top + (cells // cols) * s + best[cells] // s
+        return np.column_stack((u, v)).astype(np.float32)
+
+    def _worn_anchors(self) -> NDArray[np.bool_]:
+        """Slots (capacity,) to be matched against a new image: anchor too old, or grown or turned too much."""
+        o = self.options
+        worn = np.zeros(len(self.alive), bool)
+        for k, anchor in enumerate(self._anchors):
+            slots = np.flatnonzero(self.alive & (self._anchor_of == anchor.frame))
+            if not len(slots):
+                continue
+            crowded = k < len(self._anchors) - (o.anchors - 1)
+            a = self._anchor_px[slots] - self._anchor_px[slots].mean(axis=0)
+            b = self.pixels[slots] - self.pixels[slots].mean(axis=0)
+            spread = float((a * a).sum()) + 1e-9
+            growth = float((a * b).sum()) / spread - 1
+            turn = float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()) / spread
+            if crowded or max(abs(growth), abs(turn)) > o.renew_after_growth:
+                worn[slots] = True
+        return worn
 
     def _whitener(self, tensor: Points) -> Points:
         """c11, c12, c22 (3, n) for mean structure tensors xx, xy, yy (3, n) in grey levels squared per pixel."""
@@ -230,13 +278,8 @@ class FeatureTracker:
         self.alive[slots[twin]] = False
 
 
-def structure_tensor(image: Image, window_px: int) -> tuple[Image, Image, Image]:
-    """Mean of gx^2, gx gy and gy^2 over a window, grey levels squared per pixel squared (Shi and Tomasi)."""
+def structure_tensor(image: Image) -> tuple[Image, Image, Image]:
+    """gx^2, gx gy and gy^2 of each pixel, grey levels squared per pixel squared."""
     gx = cv2.Sobel(image, cv2.CV_32F, 1, 0, ksize=3, scale=0.125)
     gy = cv2.Sobel(image, cv2.CV_32F, 0, 1, ksize=3, scale=0.125)
-    size = (window_px, window_px)
-    return (
-        cv2.boxFilter(cv2.multiply(gx, gx), -1, size),
-        cv2.boxFilter(cv2.multiply(gx, gy), -1, size),
-        cv2.boxFilter(cv2.multiply(gy, gy), -1, size),
-    )
+    return cv2.multiply(gx, gx), cv2.multiply(gx, gy), cv2.multiply(gy, gy)

@@ -88,9 +88,9 @@ class Views:
         """The exposure ``gap`` frames before the newest."""
         return self._views[-1 - gap]
 
-    def rotation(self, gap: int) -> Array | None:
-        """old_from_new (3, 3) over ``gap`` frames, None without both attitudes."""
-        old, new = self.view(gap).ned_from_camera, self.newest.ned_from_camera
+    def rotation(self, gap: int, before: int = 0) -> Array | None:
+        """old_from_new (3, 3) over ``gap`` frames up to ``before`` frames ago, None without both attitudes."""
+        old, new = self.view(gap + before).ned_from_camera, self.view(before).ned_from_camera
         return None if old is None or new is None else old.T @ new
 
     def stack(self, gaps: NDArray[np.intp]) -> tuple[TrackPair, Array]:
@@ -128,11 +128,11 @@ class Views:
         total = np.where(known, square, 0.0).sum(axis=1)
         return gaps, count, np.sqrt(total / np.maximum(known.sum(axis=1), 1))
 
-    def baseline(self, gap: int) -> Baseline:
-        """Newest frame against the one ``gap`` frames older."""
-        tracks = self.tracker.pair(gap)
-        old, new = self.view(gap), self.newest
-        measured = self.rotation(gap)
+    def baseline(self, gap: int, before: int = 0) -> Baseline:
+        """The frame ``before`` frames ago against the one ``gap`` frames older."""
+        tracks = self.tracker.pair(gap, before)
+        old, new = self.view(gap + before), self.view(before)
+        measured = self.rotation(gap, before)
         rotation = np.eye(3) if measured is None else measured
         std = float(np.hypot(old.rotation_std_rad, new.rotation_std_rad) / np.sqrt(2))
         return Baseline(
