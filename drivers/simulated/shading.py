@@ -16,6 +16,7 @@ SKY = 205.0
 SUN = np.array([0.35, -0.25, -0.90]) / np.linalg.norm([0.35, -0.25, -0.90])
 """Where the light comes from, NED."""
 AMBIENT = 0.55
+FARTHEST_M = 1e4
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,8 @@ class Shader:
             c = list(table.rays[:, only])
             place = table.place[only]
             gain = table.gain[only]
-        z = np.maximum(c[0] * x + c[1] * y + c[2], np.float32(1e-6))
+        # A facet seen edge-on may be met far off or behind by a ray beside it; kept finite, not shown.
+        z = np.maximum(c[0] * x + c[1] * y + c[2], np.float32(1 / FARTHEST_M))
         np.reciprocal(z, out=z)
         u: Image = (c[3] * x + c[4] * y + c[5]) * z
         v: Image = (c[6] * x + c[7] * y + c[8]) * z
