@@ -21,7 +21,7 @@ from drivers.bus import Bus, Endpoints, Subscription, open_session
 from landing.estimate import SurfaceEstimate
 from landing.options import Limits
 
-START_TIMEOUT_S = 30.0
+START_TIMEOUT_S = 60.0
 POLL_S = 0.2
 SETTLE_S = 1.0
 MS = 1e3

@@ -25,7 +25,7 @@ from landing.estimate import SurfaceEstimate
 ROOT = Path(__file__).parent.parent
 SYSTEMD = ROOT / "systemd"
 EXAMPLE = ROOT / "docs" / "examples" / "subscriber.py"
-WAIT_S = 20.0
+WAIT_S = 60.0
 
 
 def eventually(true: Callable[[], bool]) -> bool:

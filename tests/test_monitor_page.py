@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 import zenoh
@@ -95,8 +96,17 @@ def shown_frame(browser: Browser) -> int:
     return int(words[1].rstrip(":")) if len(words) > 1 else 0
 
 
+def spread(message: dict[str, Any], value: str, std: str, digits: int, unit: str) -> str:
+    """What the page must say of a value and its standard deviation."""
+    if message[value] is None:
+        return "–"
+    if message[std] is None:
+        return f"{message[value]:.{digits}f}{unit}"
+    return f"{message[value]:.{digits}f} ± {message[std]:.{digits}f}{unit}"
+
+
 def test_a_live_replay_is_shown_as_it_was_published(net: Net, monitor: Monitor, browser: Browser) -> None:
-    published: dict[int, dict[str, float | str | None]] = {}
+    published: dict[int, dict[str, Any]] = {}
     seen: dict[int, tuple[dict[str, str], tuple[float, float] | None]] = {}
     settings = ("zenoh.mode=client", f"zenoh.connect={net.endpoint}", "vehicle.name=replayed")
     words = [word for setting in settings for word in ("--set", setting)]
@@ -131,19 +141,17 @@ def test_a_live_replay_is_shown_as_it_was_published(net: Net, monitor: Monitor, 
                 message = json.loads(delivery.payload)
                 published[message["frame"]] = message
     assert len(seen) > MANY
-    for frame, (texts, _) in seen.items():
-        message = published[frame]
+    # Publishers drop rather than wait: on a crowded machine the two subscribers may lack different frames.
+    both = seen.keys() & published.keys()
+    assert len(both) > MANY / 2
+    for frame in both:
+        texts, message = seen[frame][0], published[frame]
         assert message["status"] in texts["frame"]
-        if message["inclination_deg"] is None:
-            assert texts["inclination_deg"] == "–"
-        else:
-            assert texts["inclination_deg"] == (
-                f"{message['inclination_deg']:.1f} ± {message['inclination_std_deg']:.1f}°"
-            )
-            assert texts["roughness"] == f"{message['roughness']:.4f} ± {message['roughness_std']:.4f}"
-            assert texts["ventral_flow"] == (
-                f"{message['ventral_flow_x']:+.2f}, {message['ventral_flow_y']:+.2f}"
-            )
+        assert texts["inclination_deg"] == spread(message, "inclination_deg", "inclination_std_deg", 1, "°")
+        assert texts["roughness"] == spread(message, "roughness", "roughness_std", 4, "")
+        flow = (message["ventral_flow_x"], message["ventral_flow_y"])
+        assert texts["ventral_flow"] == ("–" if None in flow else f"{flow[0]:+.2f}, {flow[1]:+.2f}")
+    assert any(published[frame]["inclination_deg"] is not None for frame in both)
     # The flight goes over level ground, then down stairs of 30 degrees: the plane follows.
     assert max(tilt[0] for _, tilt in seen.values() if tilt) > STAIRS
     assert min(abs(tilt[0]) for _, tilt in seen.values() if tilt) < 0.05
