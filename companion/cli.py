@@ -31,6 +31,7 @@ COMMANDS = {
     "install": ("companion.install_command", "install landslope as a systemd service, or take it off again"),
     "sim": ("companion.sim_command", "fly a simulated drone over simulated ground, closed loop"),
     "calibrate": ("companion.calibrate_command", "calibrate the camera, print a board, measure its time offset"),
+    "doctor": ("companion.doctor_command", "look at camera, link, clocks and disk before a flight"),
 }
 """Name -> (module with add_arguments(parser) and run(args) -> exit code, one line of help)."""
 

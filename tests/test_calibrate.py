@@ -36,11 +36,8 @@ def distance_px(path) -> float:
     a, b = a / np.linalg.norm(a, axis=1)[:, None], b / np.linalg.norm(b, axis=1)[:, None]
     u, _, vt = np.linalg.svd(a.T @ b)
     turned = b @ (u @ vt).T
-    return float(
-        np.linalg.norm(
-            found.project(turned[:, :2] / turned[:, 2:]) - found.project(a[:, :2] / a[:, 2:]), axis=1
-        ).max()
-    )
+    there, here = (found.project(rays[:, :2] / rays[:, 2:]) for rays in (turned, a))
+    return float(np.linalg.norm(there - here, axis=1).max())
 
 
 def check(out, picture, most_px: float) -> None:
@@ -101,7 +98,7 @@ def test_pictures_that_repeat_count_once(charuco_film):
 
 def test_too_few_views_are_refused(charuco_views):
     (views, count, size), finder = charuco_views
-    with pytest.raises(LandslopeError, match="only 5 different views .* 12 are needed: film it longer"):
+    with pytest.raises(LandslopeError, match=r"only 5 different views .* 12 are needed: film it longer"):
         calibrate(views[:5], count, size, finder, CalibrationOptions())
 
 
@@ -160,7 +157,7 @@ def test_a_blurred_or_bent_board_is_refused(charuco_views):
         )
         for v in views
     ]
-    with pytest.raises(LandslopeError, match="reprojection error is .* the limit"):
+    with pytest.raises(LandslopeError, match=r"reprojection error is .* the limit"):
         calibrate(noisy, count, size, finder, CalibrationOptions())
 
 
