@@ -228,15 +228,19 @@ def test_the_alarm_comes_when_a_vehicle_stops_and_goes_when_it_returns(
     net: Net, monitor: Monitor, browser: Browser, vehicle: Vehicle
 ) -> None:
     show(browser, monitor, vehicle)
+    vehicle.say(decision(verdict="unfit"))
     silent = f"{vehicle.bus.vehicle} IS SILENT"
     assert eventually(lambda: silent not in browser.alarm())
     faded = "return getComputedStyle(document.querySelector('main > section')).opacity"
     vehicle.quiet.set()  # the process lives, its messages stop
     assert eventually(lambda: silent in browser.alarm())
     assert eventually(lambda: float(browser.script(faded)) < 0.5)  # what it said last is not true any more
+    assert browser.texts()["verdict"] == "SILENT"
+    assert "it may not be true any more" in browser.texts()["against"]
     vehicle.quiet.clear()
     assert eventually(lambda: silent not in browser.alarm())
     assert eventually(lambda: float(browser.script(faded)) == 1)
+    assert browser.texts()["verdict"] == "NOT FIT"
     vehicle.close()  # the process ends
     assert eventually(lambda: silent in browser.alarm())
     browser.script("document.getElementById('dismiss').click()")

@@ -93,7 +93,7 @@ class Page:
             return
         silent = any(name == vehicle.name for name, _ in view.silent)
         self._main.classes(add="is-silent" if silent else "", remove="" if silent else "is-silent")
-        self._show_now(vehicle)
+        self._show_now(vehicle, silent)
         self._show_permission(vehicle)
         self._show_health(vehicle, now_s)
         self._show_events(view.events)
@@ -189,12 +189,13 @@ class Page:
         self._charts_due_s = 0.0
         self.refresh()
 
-    def _show_now(self, vehicle: Vehicle) -> None:
+    def _show_now(self, vehicle: Vehicle, silent: bool) -> None:
         estimate, decision = vehicle.estimate, vehicle.decision
-        verdict = decision.verdict if decision and decision.verdict in words.VERDICTS else "unknown"
-        self._verdict.set_text(words.verdict(decision))
+        known = decision is not None and decision.verdict in words.VERDICTS and not silent
+        verdict = decision.verdict if decision is not None and known else "unknown"
+        self._verdict.set_text(words.SILENT if silent else words.verdict(decision))
         self._verdict.classes(replace=f"verdict is-{verdict}")
-        self._against.set_text(_lines(words.against(decision, estimate)))
+        self._against.set_text(words.SAID_LAST if silent else _lines(words.against(decision, estimate)))
         figures = words.figures(estimate)
         self._inclination.set_text(figures["inclination_deg"])
         self._slopes.set_text(figures["slopes"])

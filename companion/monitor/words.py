@@ -3,6 +3,8 @@
 from companion.messages import Decision, Estimate, Health, InputHealth
 
 DASH = "–"
+SILENT = "SILENT"
+SAID_LAST = "What follows is what it said last; it may not be true any more."
 LARGEST_PLAIN = 1e6
 """Larger numbers are written with a power of ten."""
 LONGEST_TEXT = 400
