@@ -58,15 +58,16 @@ SCENES = {
 }
 
 
+@pytest.mark.parametrize("samples", [1, 2])
 @pytest.mark.parametrize("name", SCENES)
-def test_depth_is_that_of_rays_cast_one_by_one(name: str) -> None:
+def test_depth_is_that_of_rays_cast_one_by_one(name: str, samples: int) -> None:
     facets, place = SCENES[name]
     position = np.array(place)
     ned_from_camera = rotation(0.06, -0.11, 0.7) @ DOWN
-    renderer = Renderer(World(facets), WIDE, samples=1)
+    renderer = Renderer(World(facets), WIDE, samples=samples)
     depth, _ = renderer.depth(position, ned_from_camera)
     rng = np.random.default_rng(3)
-    rows, columns = rng.integers(0, 240, 60), rng.integers(0, 320, 60)
+    rows, columns = rng.integers(0, 240, 40), rng.integers(0, 320, 40)
     rays = renderer.rays()
     for r, c in zip(rows, columns, strict=True):
         ray = rays[r, c]
@@ -75,6 +76,17 @@ def test_depth_is_that_of_rays_cast_one_by_one(name: str) -> None:
         index, distance = renderer.cast(position, ned_from_camera @ ray)
         assert distance == pytest.approx(expected, rel=1e-9)
         assert index >= 0
+
+
+def test_depth_stays_finite_on_faces_seen_edge_on() -> None:
+    """Over a box the faces are seen all but edge-on; no depth lies outside the scene."""
+    facets = surfaces.level() + surfaces.rubble(seed=1, count=160, length=8, width=8)
+    renderer = Renderer(World(facets), Lens.from_fov(256, 256, 50), texture_size=64)
+    for k in range(25):
+        height = 4.0 - 0.1 * k
+        depth, _ = renderer.depth(np.array([0.03 * k - 0.5, 0.1, -height]), DOWN)
+        assert depth.min() > height - 0.8
+        assert depth.max() < height + 1e-3
 
 
 def test_rays_invert_the_lens_to_a_millionth_of_a_pixel() -> None:

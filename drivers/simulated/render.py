@@ -48,6 +48,8 @@ class Renderer:
         self._shader = Shader(world, texture_size, texture_seed)
         self._x, self._y = lens.rays()
         self._sx, self._sy = lens.rays(self.samples) if self.samples > 1 else (self._x, self._y)
+        every = slice((self.samples - 1) // 2, None, self.samples)
+        self._middle = (every, every)
         # Bounds of the rays of a column and up to it (of a row ...), rising, to look facets' bounds up in.
         self._x_low = np.minimum.accumulate(self._sx.min(axis=0)[::-1])[::-1]
         self._x_high = np.maximum.accumulate(self._sx.max(axis=0))
@@ -94,13 +96,12 @@ class Renderer:
     def depth(self, position: Array, ned_from_camera: Array) -> tuple[Array, NDArray[np.int32]]:
         """(Z along the optical axis in m, index of the facet), each (height, width); inf and -1 where there is nothing.
 
-        At the pixels' middles (with an even number of samples: of the sub-sample just above and left of it).
+        Along ``rays()``: the rays that decided which facet is seen, so that none is met far off its edge.
         """
         ids = self._visible(position, ned_from_camera)
-        s = self.samples
-        middle = ids[(s - 1) // 2 :: s, (s - 1) // 2 :: s]
+        middle = ids[self._middle]
         q = inverse_depth(self.world, position, ned_from_camera, slice(None))[middle]
-        z = q[..., 0] * self._x + q[..., 1] * self._y + q[..., 2]
+        z = q[..., 0] * self._sx[self._middle] + q[..., 1] * self._sy[self._middle] + q[..., 2]
         found = middle >= 0
         return np.where(found, 1 / np.where(found, z, 1.0), np.inf), middle
 
@@ -124,8 +125,11 @@ class Renderer:
         return k, float(t[k])
 
     def rays(self) -> Array:
-        """(height, width, 3): the ray (x, y, 1) of every pixel's middle, camera frame."""
-        x, y = self._x.astype(np.float64), self._y.astype(np.float64)
+        """(height, width, 3): the ray (x, y, 1) of every pixel's middle, camera frame.
+
+        With an even number of samples: that of the sub-sample just above and left of the middle.
+        """
+        x, y = self._sx[self._middle].astype(np.float64), self._sy[self._middle].astype(np.float64)
         return np.stack([x, y, np.ones_like(x)], axis=-1)
 
     def rows(self, positions: Array, ned_from_camera: Array, bands: int = 12) -> Image:
