@@ -1,5 +1,6 @@
 """Faults in mid-flight, each a named edit of the recording: no landing in doubt, health says why, then it recovers."""
 
+import time
 from collections.abc import Callable
 
 import flight_edits as edits
@@ -59,6 +60,18 @@ def test_telemetry(tmp_path, fault, record_property) -> None:
     with DaemonBench(tmp_path, CUT, edit_telemetry=edit) as bench:
         bench.play_to_end()
         check(bench, problem, record_property)
+
+
+def test_heartbeats_stop_while_no_frames_come_and_come_back(tmp_path) -> None:
+    gone = During(1.0, 4.0)
+    settings = ("landing.enabled=false", "mavlink.heartbeat_max_age_s=0.5")
+    with DaemonBench(tmp_path, (0.0, 8.0), edit_frames=edits.unplugged(gone), settings=settings) as bench:
+        bench.play()
+        wait_for(lambda: bench.vehicle.play_s > gone.end_s, "end of the fault")
+        beats = [t - (time.monotonic() - bench.vehicle.play_s) for t in list(bench.vehicle.beats)]
+        assert not [t for t in beats if gone.start_s + 0.7 < t < gone.end_s]
+        count = len(bench.vehicle.beats)
+        wait_for(lambda: len(bench.vehicle.beats) > count, "heartbeat after the fault")
 
 
 def test_frozen_camera_with_noise_is_never_fit(tmp_path) -> None:

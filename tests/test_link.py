@@ -165,6 +165,15 @@ def test_rates_are_asked_for_and_asked_again_after_a_reboot(bench) -> None:
         wait_for(lambda: len(asked()) >= before + 2, "second request")
 
 
+def test_px4_is_asked_for_its_own_gyro_message(bench) -> None:
+    b = bench(rates_hz={"IMU": 50.0})
+    vehicle = TestVehicle(b.port)
+    vehicle.autopilot = dialect.MAV_AUTOPILOT_PX4
+    with vehicle:
+        wait_for(lambda: vehicle.commands, "request")
+        assert {int(c.param1) for _, c in vehicle.commands if c.command == 511} == {105}
+
+
 def test_a_rate_that_does_not_come_is_told(bench) -> None:
     b = bench(rates_hz={"ATTITUDE": 50.0})
     with TestVehicle(b.port):

@@ -88,6 +88,7 @@ class TestVehicle:
         """When heartbeats of the companion came (monotonic)."""
         self.landed_at: float | None = None
         self.armed = True
+        self.autopilot = dialect.MAV_AUTOPILOT_ARDUPILOTMEGA
         self.mode = mode
         self.muted = False
         """While True nothing is sent or heard: the link is lost."""
@@ -176,7 +177,7 @@ class TestVehicle:
 
     def _beat(self) -> None:
         base = 81 | (128 if self.armed else 0)
-        self.send(dialect.MAVLink_heartbeat_message(2, 3, base, self.mode, 4, 3))
+        self.send(dialect.MAVLink_heartbeat_message(2, self.autopilot, base, self.mode, 4, 3))
 
     def _play(self, now: float) -> None:
         if self._play_from is None:
