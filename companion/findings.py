@@ -37,7 +37,7 @@ class DoctorOptions:
     max_latency_s: Annotated[float, Limits(0.005, 2, "s", "from capture to arrival")] = 0.2
     max_saturated: Annotated[float, Limits(0, 1, "", "share of white or black pixels")] = 0.25
     min_contrast: Annotated[float, Limits(0, 100, "grey", "standard deviation of the picture")] = 6.0
-    max_blur: Annotated[float, Limits(0, 1, "", "blur: 0 is sharp, 1 is flat")] = 0.6
+    max_blur: Annotated[float, Limits(0, 1, "", "blur: 0 is sharp, 1 is flat")] = 0.5
     min_corners: Annotated[int, Limits(0, 1000, "", "corners that can be followed")] = 30
     max_link_jitter_s: Annotated[
         float, Limits(0.001, 1, "s", "delay of the slowest twentieth of the messages")
