@@ -74,7 +74,8 @@ class Errors:
 
     def cells(self, digits: int = 2, factor: float = 1.0) -> list[str]:
         """Median, 95th percentile, worst and failures as a table's cells."""
-        numbers = [f"{factor * v:.{digits}f}" for v in (self.median, self.p95, self.worst)]
+        statistics = (self.median, self.p95, self.worst)
+        numbers = [f"{factor * v:.{digits}f}" if math.isfinite(v) else "none" for v in statistics]
         return [*numbers, f"{self.failures} of {self.frames}"]
 
 
