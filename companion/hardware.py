@@ -25,6 +25,9 @@ class Controls(Protocol):
 
     vehicle: Multirotor
 
+    def listen(self) -> None:
+        """Take in what the autopilot says; to be called some twenty times a second."""
+
     def get_airborne(self, height_m: float) -> None:
         """Ask for mode, arming and takeoff; to be repeated until the vehicle flies."""
 
@@ -44,6 +47,9 @@ class LocalControls:
     def __init__(self, controller: FlightController) -> None:
         self._controller = controller
         self.vehicle = controller.vehicle
+
+    def listen(self) -> None:
+        """There is nothing to hear."""
 
     def get_airborne(self, height_m: float) -> None:
         c = self._controller
@@ -186,10 +192,7 @@ class Sitl:
 
     @property
     def armed(self) -> bool:
-        if self._pilot is None:
-            return False
-        self._pilot.listen()
-        return self._pilot.armed
+        return self._pilot is not None and self._pilot.armed
 
     @property
     def mode(self) -> str:
@@ -205,6 +208,9 @@ class _RemoteControls:
     def __init__(self, pilot: MavlinkPilot, vehicle: Multirotor) -> None:
         self._pilot = pilot
         self.vehicle = vehicle
+
+    def listen(self) -> None:
+        self._pilot.listen()
 
     def get_airborne(self, height_m: float) -> None:
         self._pilot.get_airborne(height_m)

@@ -46,6 +46,7 @@ class Pilot:
         if time_s < self._next_s:
             return
         self._next_s = time_s + SETPOINT_S
+        self._controls.listen()
         if time_s >= self._switch_s:
             self._switch_s = time_s + SWITCH_EVERY_S
             self._controls.set_channel(

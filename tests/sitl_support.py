@@ -14,7 +14,7 @@ from drivers.simulated.autopilot import SimulatedAutopilot
 from drivers.simulated.rotors import FORWARD, REACTION, RIGHT, QuadX
 from drivers.simulated.vehicle import GRAVITY, AttitudeCommand, Multirotor, RotorCommand
 
-RATE_HZ = 400
+RATE_HZ = 200
 PATIENCE_S = 60.0
 
 
@@ -43,7 +43,7 @@ class RemotePhysics(Multirotor):
         assert isinstance(command, AttitudeCommand)
         self.count += 1
         packet = servo_packet(self.count, self._pulses(command))
-        end = time.monotonic() + PATIENCE_S
+        end = time.monotonic() + (PATIENCE_S if self.count == 1 else 1.0)
         while True:
             self.exchange.sendto(packet, ("127.0.0.1", self.port))
             try:
@@ -51,7 +51,7 @@ class RemotePhysics(Multirotor):
                 break
             except (TimeoutError, ConnectionError):
                 if time.monotonic() > end:
-                    raise TimeoutError("the physics backend does not answer") from None
+                    return  # the backend has ended; a real SITL goes on asking
         self.position = tuple(state["position"])
         self.velocity = tuple(state["velocity"])
         self.attitude = tuple(state["quaternion"])

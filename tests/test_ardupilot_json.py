@@ -97,7 +97,7 @@ def test_garbage_is_refused_and_a_restarted_sitl_goes_on(backend: JsonBackend, s
     ):
         sitl.sendto(junk, ("127.0.0.1", backend.port))
     state = exchange(sitl, backend, servo_packet(1, [1000] * 4))
-    assert state["timestamp"] == pytest.approx(2 / 400)
+    assert state["timestamp"] == pytest.approx(2 / 200)
     assert (backend.refused, backend.restarts) == (4, 1)
     assert "3 Hz" in backend.problem
 

@@ -4,10 +4,10 @@ import threading
 import time
 from typing import Any
 
-from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from drivers.errors import DriverError
+from drivers.ports import Port, open_port, parse_port
 
 ASK_EVERY_S = 1.0
 HEARTBEAT_S = 1.0
@@ -23,20 +23,22 @@ class MavlinkPilot:
     """
 
     def __init__(self, connection: str, timeout_s: float = 30.0) -> None:
-        try:
-            self._link: Any = mavutil.mavlink_connection(connection, source_system=255, retries=30)
-        except OSError as error:
-            raise DriverError(
-                f"no autopilot at {connection}: {error.strerror or error}; is SITL running?"
-            ) from None
-        if self._link.wait_heartbeat(timeout=timeout_s) is None:
-            self._link.close()
-            raise DriverError(f"no heartbeat on {connection} within {timeout_s:g} s")
         self.armed = False
         self.mode = -1
+        self._system = 0
         self._lock = threading.Lock()
         self._asked_s = -ASK_EVERY_S
         self._beat_s = 0.0
+        self._codec: Any = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+        self._codec.robust_parsing = True
+        end = time.monotonic() + timeout_s
+        self._port = _opened(connection, end)
+        while self._system == 0:
+            if time.monotonic() > end:
+                self._port.close()
+                raise DriverError(f"no heartbeat on {connection} within {timeout_s:g} s")
+            self.listen()
+            time.sleep(0.02)
 
     @property
     def mode_name(self) -> str:
@@ -44,15 +46,27 @@ class MavlinkPilot:
         return next((name for name, number in COPTER_MODES.items() if number == self.mode), "")
 
     def listen(self) -> None:
-        """Take in what came; keep the ground station's heartbeat."""
+        """Take in what came; keep the ground station's heartbeat. Raises DriverError when the link broke."""
         with self._lock:
-            while (message := self._link.recv_match(blocking=False)) is not None:
-                if message.get_type() == "HEARTBEAT" and message.autopilot != mavlink.MAV_AUTOPILOT_INVALID:
-                    self.armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
-                    self.mode = int(message.custom_mode)
-            if time.monotonic() - self._beat_s > HEARTBEAT_S:
-                self._beat_s = time.monotonic()
-                self._link.mav.heartbeat_send(mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 0)
+            try:
+                while (received := self._port.read(0.0)) is not None:
+                    for message in self._codec.parse_buffer(received[0]) or ():
+                        self._take(message)
+            except OSError as error:
+                raise DriverError(f"the autopilot hung up on its pilot: {error}") from error
+        if time.monotonic() - self._beat_s > HEARTBEAT_S:
+            self._beat_s = time.monotonic()
+            self._send(
+                mavlink.MAVLink_heartbeat_message(
+                    mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 0, 3
+                )
+            )
+
+    def _take(self, message: Any) -> None:
+        if message.get_type() == "HEARTBEAT" and message.autopilot != mavlink.MAV_AUTOPILOT_INVALID:
+            self._system = message.get_srcSystem()
+            self.armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+            self.mode = int(message.custom_mode)
 
     def get_airborne(self, height_m: float) -> None:
         """Ask for what still lacks: GUIDED, armed, takeoff; once a second."""
@@ -72,24 +86,44 @@ class MavlinkPilot:
 
     def fly(self, velocity: tuple[float, float, float], yaw: float) -> None:
         """A velocity (NED, m/s) and a heading."""
-        with self._lock:
-            self._link.mav.set_position_target_local_ned_send(
-                0, self._link.target_system, 1, mavlink.MAV_FRAME_LOCAL_NED, VELOCITY_ONLY,
+        self._send(
+            mavlink.MAVLink_set_position_target_local_ned_message(
+                0, self._system, 1, mavlink.MAV_FRAME_LOCAL_NED, VELOCITY_ONLY,
                 0, 0, 0, *velocity, 0, 0, 0, yaw, 0,
-            )  # fmt: skip
+            )
+        )  # fmt: skip
 
     def set_channel(self, channel: int, pulse_us: int) -> None:
         """Override one of the radio's first eight channels."""
         pulses = [65535] * 8
         pulses[channel - 1] = pulse_us
-        with self._lock:
-            self._link.mav.rc_channels_override_send(self._link.target_system, 1, *pulses)
+        self._send(mavlink.MAVLink_rc_channels_override_message(self._system, 1, *pulses))
 
     def close(self) -> None:
         """Hang up."""
-        self._link.close()
+        self._port.close()
 
     def _command(self, command: int, *params: float) -> None:
         padded = [*params, *[0.0] * (7 - len(params))]
+        self._send(mavlink.MAVLink_command_long_message(self._system, 1, command, 0, *padded))
+
+    def _send(self, message: Any) -> None:
         with self._lock:
-            self._link.mav.command_long_send(self._link.target_system, 1, command, 0, *padded)
+            packet = bytes(message.pack(self._codec))
+            self._codec.seq = (self._codec.seq + 1) % 256
+            try:
+                self._port.write(packet)
+            except OSError as error:
+                raise DriverError(f"the autopilot hung up on its pilot: {error}") from error
+
+
+def _opened(connection: str, end: float) -> Port:
+    """The port, once the other side listens."""
+    name = parse_port(connection)
+    while True:
+        try:
+            return open_port(name)
+        except OSError as error:
+            if time.monotonic() > end:
+                raise DriverError(f"no autopilot at {connection}: {error}; is SITL running?") from None
+            time.sleep(0.2)

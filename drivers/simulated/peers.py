@@ -11,6 +11,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from drivers.errors import DriverError
 
 RECEIVE_BYTES = 65536
+MAX_UNSENT = 1_000_000
+"""A TCP peer that has not read this many bytes is dropped."""
 
 
 @dataclass(slots=True, eq=False)
@@ -23,6 +25,8 @@ class Peer:
     queue: deque[tuple[float, bytes]] = field(default_factory=deque)
     """(when it goes out, bytes), in order: a link delays messages but does not swap them."""
     open: bool = True
+    unsent: bytearray = field(default_factory=bytearray)
+    """What a TCP peer has not taken yet."""
 
 
 class Endpoint:
@@ -78,7 +82,11 @@ class Endpoint:
             if peer.stream is None:
                 self._socket.sendto(data, peer.address)
             else:
-                peer.stream.sendall(data)
+                peer.unsent += data
+                del peer.unsent[: peer.stream.send(peer.unsent)]
+        except BlockingIOError:
+            if len(peer.unsent) > MAX_UNSENT:
+                self._drop(peer)
         except OSError:
             if peer.stream is not None:
                 self._drop(peer)
@@ -104,15 +112,15 @@ class Endpoint:
         with contextlib.suppress(BlockingIOError):
             while True:
                 stream, address = self._socket.accept()
-                # A client that never reads must not hold up the flight for long.
-                stream.settimeout(0.2)
+                # A client that never reads must not hold up the flight.
+                stream.setblocking(False)
                 self._peer(address).stream = stream
         received: list[tuple[Peer, bytes]] = []
         for peer in list(self.peers):
             if peer.stream is None:
                 continue
             try:
-                data = peer.stream.recv(RECEIVE_BYTES, socket.MSG_DONTWAIT)
+                data = peer.stream.recv(RECEIVE_BYTES)
             except BlockingIOError:
                 continue
             except OSError:
