@@ -19,7 +19,7 @@ from companion.doctor_system import disk_findings, instance_findings, settings_f
 from companion.findings import DoctorOptions, Finding, exit_code
 from companion.settings import Settings
 from companion.settings_file import LoadedSettings, load
-from drivers.simulated.autopilot import LinkFaults, SimulatedAutopilot
+from drivers.simulated.autopilot import SimulatedAutopilot
 from drivers.single_instance import SingleInstance
 from drivers.video_file import VideoFile
 
@@ -184,8 +184,14 @@ def test_another_vehicle_than_the_one_named():
 
 
 def test_a_link_that_loses_messages_shows_in_the_rates():
-    with SimulatedAutopilot("tcp:127.0.0.1:0", link=LinkFaults(loss=0.5)) as autopilot:
-        seen = listened(loaded(f"mavlink.connection=tcp:127.0.0.1:{autopilot.port}").settings, 4.0)
+    with SimulatedAutopilot("tcp:127.0.0.1:0") as autopilot:
+        settings = loaded(f"mavlink.connection=tcp:127.0.0.1:{autopilot.port}").settings
+        examination = LinkExamination(settings, OPTIONS)
+        time.sleep(1.5)  # time to be found
+        autopilot.link.loss = 0.5
+        time.sleep(3.5)
+        seen = by_subject(examination.findings())
+        examination.close()
     assert seen["link"].level == "ok"
     assert seen["attitude"].level == "warning"
     assert "baud rate" in seen["attitude"].remedy
