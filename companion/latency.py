@@ -58,6 +58,7 @@ class LatencyFigures:
     cpu_ms_per_frame: float
     rss_mb: float
     growth_mb_per_10_min: float
+    """Slope of the resident memory over the second half of the run; only long runs tell a leak from a warm-up."""
     start_to_estimate_s: float
 
 
@@ -82,10 +83,18 @@ def measure(width: int, height: int, seconds: float) -> LatencyFigures:
         first_s = _wait_for_estimate(subscription, process, started)
         _collect(subscription, SETTLE_S)
         before = _usage(process.pid)
+        watch = stack.enter_context(_MemoryWatch(process.pid))
         received = _collect(subscription, seconds)
         after = _usage(process.pid)
         return _figures(
-            (width, height), seconds, received, (before, after), pictures.sent_us, telemetry.sent_us, first_s
+            (width, height),
+            seconds,
+            received,
+            (before, after),
+            watch.growth_per_s(),
+            pictures.sent_us,
+            telemetry.sent_us,
+            first_s,
         )
 
 
@@ -264,6 +273,36 @@ class _Usage:
     rss_bytes: int
 
 
+class _MemoryWatch:
+    """Looks at a process's resident memory twice a second."""
+
+    def __init__(self, pid: int) -> None:
+        self._pid = pid
+        self._points: list[tuple[float, int]] = []
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def __enter__(self) -> "_MemoryWatch":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        self._thread.join()
+
+    def growth_per_s(self) -> float:
+        """Bytes a second, by least squares over the second half."""
+        times, sizes = np.array(self._points[len(self._points) // 2 :], float).T
+        return float(np.polyfit(times - times[0], sizes, 1)[0]) if len(times) > 1 else 0.0
+
+    def _run(self) -> None:
+        while not self._stop.wait(0.5):
+            try:
+                self._points.append((time.monotonic(), _usage(self._pid).rss_bytes))
+            except OSError:
+                return  # the process ended
+
+
 def _usage(pid: int) -> _Usage:
     """Processor time and resident memory of a process, from /proc."""
     fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
@@ -277,6 +316,7 @@ def _figures(
     seconds: float,
     received: list[tuple[int, dict[str, object]]],
     usage: tuple[_Usage, _Usage],
+    growth_per_s: float,
     frames_us: list[int],
     attitudes_us: list[int],
     first_s: float,
@@ -305,7 +345,7 @@ def _figures(
         software_p95_ms=_percentile(software, 0.95),
         cpu_ms_per_frame=(after.cpu_s - before.cpu_s) * 1e3 / len(received),
         rss_mb=after.rss_bytes / 1e6,
-        growth_mb_per_10_min=(after.rss_bytes - before.rss_bytes) / 1e6 * 600 / seconds,
+        growth_mb_per_10_min=growth_per_s / 1e6 * 600,
         start_to_estimate_s=first_s,
     )
 
