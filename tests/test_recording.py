@@ -1,13 +1,18 @@
 """Recording goes with arming or by hand, and takes the settings and the calibration along."""
 
+import dataclasses
+import statistics
+
 import pytest
 from camera_support import SITL_LOGS, textured
+from replay_support import replayed, run
 
 from companion.recording import FlightRecording, RecordingSwitch, flight_papers, recorder_options
 from companion.settings import RecordSettings, Settings
 from companion.settings_file import load
 from drivers.flight_folder import FlightFolder
 from drivers.samples import Frame, Heartbeat
+from drivers.tlog import GARBAGE, bytes_of, records
 
 S = 1_000_000
 
@@ -102,3 +107,38 @@ def test_without_a_directory_everything_may_be_told_and_nothing_is_kept():
     assert recording.step(0) == []
     assert recording.counters == {}
     recording.close()
+
+
+@pytest.mark.slow
+def test_a_recorded_flight_replays_like_the_flight_itself(tmp_path, replay_cache):
+    """Eight seconds of a flight go through the recorder; the replay of what it wrote agrees with the original's."""
+    source = SITL_LOGS / "stairs_a"
+    loaded = load(source / "landslope.toml")
+    camera = dataclasses.replace(loaded.settings.camera, calibration=str(source / "camera.yaml"))
+    record = RecordSettings(directory=str(tmp_path), when="always", min_free_mb=1, jpeg_quality=95)
+    recording = FlightRecording(dataclasses.replace(loaded.settings, camera=camera, record=record))
+    recording.step(0)
+    data = bytes_of(source / "vehicle.tlog")
+    flight = FlightFolder(source)
+    end_us = flight.start_us + 8 * S
+    for packet in records(data):
+        if packet.message_id != GARBAGE and packet.stamp_us < end_us:
+            recording.mavlink(packet.stamp_us, data[packet.start + 8 : packet.end])
+    for sample in flight.samples():
+        if isinstance(sample, Frame) and sample.stamp_us < end_us:
+            recording.samples([sample])
+    recording.close()
+    (folder,) = (path for path in tmp_path.iterdir() if path.is_dir())
+    again = run(folder, folder).estimates
+    whole = replayed(replay_cache, "stairs_a").estimates[: len(again)]
+    assert len(again) == pytest.approx(240, abs=10)
+    assert [e["time_unix_us"] for e in again] == [e["time_unix_us"] for e in whole]
+    both = [(a, b) for a, b in zip(again, whole, strict=True) if a["status"] == b["status"] == "ok"]
+    assert len(both) > 150
+    far = [
+        abs(a["inclination_deg"] - b["inclination_deg"])
+        / max(a["inclination_std_deg"], b["inclination_std_deg"])
+        for a, b in both
+    ]
+    assert statistics.median(far) < 0.5
+    assert statistics.quantiles(far, n=20)[-1] < 3
