@@ -8,12 +8,12 @@ from companion.ground import Fitness, Patch
 from companion.messages import Decision, Estimate, Event, Health, Message
 from companion.scenario import Expectation
 from drivers.simulated.truth import FrameTruth
-from drivers.simulated.vehicle import TouchDown
+from drivers.simulated.vehicle import Multirotor, TouchDown
 
 
 @dataclass(frozen=True, slots=True)
 class PathPoint:
-    """The vehicle at a moment; ``ground_m`` is the height of the ground below."""
+    """The vehicle at a moment, in truth; ``ground_m`` is the height of the ground below."""
 
     time_s: float
     north_m: float
@@ -21,6 +21,13 @@ class PathPoint:
     height_m: float
     ground_m: float
     mode: str
+    pitch_deg: float
+
+
+def path_point(vehicle: Multirotor, flown_s: float, mode: str) -> PathPoint:
+    """Where a vehicle is now."""
+    n, e, d = vehicle.position
+    return PathPoint(flown_s, n, e, -d, vehicle.ground(n, e), mode, math.degrees(vehicle.euler[1]))
 
 
 @dataclass(frozen=True, slots=True)

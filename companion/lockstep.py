@@ -14,7 +14,7 @@ import cv2
 
 from companion.core import Output, Processed
 from companion.flight_record import FlightRecord
-from companion.flight_result import FlightResult, PathPoint, Request
+from companion.flight_result import FlightResult, PathPoint, Request, path_point
 from companion.ground import fitness, patch
 from companion.hardware import NAV_LAND, LocalControls
 from companion.judge import LandRequest
@@ -25,7 +25,8 @@ from companion.scene import Scene, sensor_errors
 from companion.settings import Settings
 from companion.virtual_link import VirtualLink
 from drivers.camera_info import CameraInfo, write_camera_info
-from drivers.samples import Frame, Sample
+from drivers.cameras.checks import FrameCheck
+from drivers.samples import Frame, Refusal, Sample
 from drivers.simulated.autopilot_protocol import AutopilotProtocol
 from drivers.simulated.flight_controller import FlightController
 from drivers.simulated.sensors import Sensors
@@ -112,7 +113,8 @@ class _Flight:
         record, rate_hz = options.record, scenario.camera.rate_hz
         self._record = None if record is None else FlightRecord(record, settings, rate_hz)
         self.result = FlightResult(scenario.name, EPOCH_US)
-        self._frames: deque[tuple[int, Frame]] = deque()
+        self._frames: deque[tuple[int, Frame | Refusal]] = deque()
+        self._check = FrameCheck()
         self._truths: deque[tuple[int, float]] = deque(maxlen=200)
         self._next_frame = 0
         self._rebooted = False
@@ -182,8 +184,10 @@ class _Flight:
             return
         stamp_us = EPOCH_US + round((due_s + camera.late_s) * 1e6)
         arrival_us = EPOCH_US + round(max(due_s + camera.latency_s, time_s) * 1e6)
-        frame = Frame(number, stamp_us, arrival_us, image)
+        frame = self._check.check(Frame(number, stamp_us, arrival_us, image))
         self._frames.append((arrival_us, frame))
+        if isinstance(frame, Refusal):
+            return
         self._truths.append((number, due_s))
         every = self._options.truth_every
         if self._record is not None:
@@ -238,6 +242,5 @@ class _Flight:
         self._link.land(time_s)
 
     def _point(self) -> PathPoint:
-        v = self._scene.vehicle
-        n, e, d = v.position
-        return PathPoint(v.time_s, n, e, -d, v.ground(n, e), self._controller.mode)
+        vehicle = self._scene.vehicle
+        return path_point(vehicle, vehicle.time_s, self._controller.mode)

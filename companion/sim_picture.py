@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from companion.flight_result import FlightResult
+from companion.ground import patch
 from companion.plot import require_matplotlib
 from companion.scenario import Scenario
 
@@ -19,6 +20,9 @@ WRONG = "#d1493f"
 SECTION_STEP_M = 0.02
 MARGIN_M = 1.5
 SHORT_WAY_M = 1.0
+TRUTH_EVERY = 5
+VIEW_M = 1.0
+"""Half the side of the ground whose true inclination is drawn."""
 
 
 def draw(result: FlightResult, scenario: Scenario, path: Path) -> None:
@@ -125,6 +129,14 @@ def _flat_at(result: FlightResult, times: np.ndarray) -> np.ndarray:
 def _draw_inclination(axis: "Axes", result: FlightResult, scenario: Scenario) -> None:
     estimates = [e for e in result.estimates if e.status == "ok"]
     times = [result.seconds(e.time_unix_us) for e in estimates]
+    path = result.path[::TRUTH_EVERY]
+    world = scenario.world()
+    below = [patch(world, p.north_m, p.east_m, VIEW_M).inclination_deg for p in path]
+    axis.plot(
+        [p.time_s for p in path], below, color=GROUND, lw=3, alpha=0.6, label="true, of 2 m by 2 m below"
+    )
+    pitch = [p.pitch_deg for p in result.path]
+    axis.plot([p.time_s for p in result.path], pitch, color="#b07cc6", lw=0.9, label="pitch of the vehicle")
     values = [np.nan if e.inclination_deg is None else e.inclination_deg for e in estimates]
     axis.plot(times, values, ".", ms=2.5, color=PATH, label="inclination, estimated")
     if all(np.isnan(values)):
@@ -132,9 +144,9 @@ def _draw_inclination(axis: "Axes", result: FlightResult, scenario: Scenario) ->
         axis.plot(times, slopes, ".", ms=2.5, color=PATH, label="slope against the camera, estimated")
     limit = scenario.flight_settings(None).decision.max_inclination_deg
     axis.axhline(limit, color=WRONG, ls="--", lw=1, label=f"limit, {limit:g} degrees")
-    axis.set_ylim(0, 60)
+    axis.set_ylim(-15, 50)
     axis.set_ylabel("degrees")
-    axis.legend(loc="upper right", fontsize=8)
+    axis.legend(loc="upper right", fontsize=8, ncols=2)
 
 
 def _draw_height(axis: "Axes", result: FlightResult) -> None:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from companion.daemon import Daemon
 from companion.errors import LandslopeError
 from companion.flight_record import add_truth, folders_in
-from companion.flight_result import FlightResult, PathPoint, Request
+from companion.flight_result import FlightResult, PathPoint, Request, path_point
 from companion.ground import fitness, patch
 from companion.hardware import BuiltIn, Hardware, Sitl
 from companion.lockstep import PATH_EVERY_S, STANDS_S, flight_settings
@@ -233,12 +233,7 @@ class _LiveFlight:
         self._hardware.apply_faults(self._scene, flown_s)
         if flown_s >= self._path_due_s:
             self._path_due_s = flown_s + PATH_EVERY_S
-            self.result.path.append(self._point(flown_s))
-
-    def _point(self, flown_s: float) -> PathPoint:
-        v = self._scene.vehicle
-        n, e, d = v.position
-        return PathPoint(flown_s, n, e, -d, v.ground(n, e), self._hardware.mode)
+            self.result.path.append(path_point(self._scene.vehicle, flown_s, self._hardware.mode))
 
     # -- the watcher's side ------------------------------------------------------------------------------
 
@@ -269,7 +264,7 @@ class _LiveFlight:
         time_s = exposed_s[-1] if exposed_s else self._scene.vehicle.time_s
         truth = self._scene.truth(event.frame or 0, time_s)
         n, e, d = (float(x) for x in self._scene.poses.at(time_s).position)
-        where = PathPoint(time_s - zero_s, n, e, -d, self._scene.world.height_at(n, e), "GUIDED")
+        where = PathPoint(time_s - zero_s, n, e, -d, self._scene.world.height_at(n, e), "GUIDED", 0.0)
         self.result.requests.append(
             Request(
                 time_s - zero_s,
