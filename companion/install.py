@@ -1,13 +1,15 @@
 """What 'landslope install' does, as a list of steps that can be shown before any of them is taken."""
 
+import json
 import os
 import shutil
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from importlib.metadata import version
+from importlib.metadata import distribution, version
 from pathlib import Path
+from urllib.parse import unquote, urlparse
 
 from companion.errors import LandslopeError
 from companion.shipped import shipped
@@ -115,9 +117,20 @@ def _environment(options: InstallOptions) -> Iterator[Step]:
 
 
 def _this_package() -> str:
-    """What pip is told: the checkout that this runs out of, else this very version."""
+    """What pip is told: the wheel or checkout that this landslope came from, else this version from an index."""
     checkout = Path(__file__).parents[1]
-    return str(checkout) if (checkout / "pyproject.toml").is_file() else f"landslope=={version('landslope')}"
+    if (checkout / "pyproject.toml").is_file():
+        return str(checkout)
+    origin = distribution("landslope").read_text("direct_url.json")  # PEP 610
+    address = urlparse(json.loads(origin).get("url", "")) if origin else None
+    if address is not None and address.scheme == "file":
+        path = Path(unquote(address.path))
+        if not path.exists():
+            raise LandslopeError(
+                f"{path}, which landslope was installed from, is gone: name a wheel with --package"
+            )
+        return str(path)
+    return f"landslope=={version('landslope')}"
 
 
 def _write(text: str, target: Path, options: InstallOptions) -> Step:

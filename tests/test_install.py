@@ -1,5 +1,6 @@
 """The service's files: sound, tight, in their places, and the user's settings left alone."""
 
+import json
 import shutil
 import subprocess
 import tomllib
@@ -246,3 +247,23 @@ def test_faults_are_said_in_one_line(tmp_path, monkeypatch, capsys):
 def test_a_command_that_fails_is_named(words, said):
     with pytest.raises(LandslopeError, match=said):
         install._command(*words).act()
+
+
+@pytest.mark.parametrize(("there", "wanted"), [(True, "landslope.whl"), (False, None)])
+def test_what_is_installed_is_what_this_landslope_came_from(tmp_path, monkeypatch, there, wanted):
+    wheel = tmp_path / "landslope.whl"
+    if there:
+        wheel.touch()
+
+    class Distribution:
+        def read_text(self, name: str) -> str:
+            assert name == "direct_url.json"
+            return json.dumps({"url": wheel.as_uri()})
+
+    monkeypatch.setattr(install, "__file__", str(tmp_path / "site-packages/companion/install.py"))
+    monkeypatch.setattr(install, "distribution", lambda name: Distribution())
+    if wanted:
+        assert install._this_package() == str(tmp_path / wanted)
+    else:
+        with pytest.raises(LandslopeError, match="--package"):
+            install._this_package()
