@@ -21,6 +21,7 @@ from companion.scenario import Scenario, to_toml
 TRUTH_EVERY = 3
 OPPORTUNITY_S = 2.5
 """Plainly fit ground in view for this long without a break, everything in order, and no request: missed."""
+WRONG = ("unsafe", "view", "missed")
 Z95 = 1.959964
 AHEAD = 4
 """Flights handed to each process in advance."""
@@ -50,6 +51,15 @@ class Run:
     fit_s: float
     """Longest time of plainly fit ground in view without a break."""
     elapsed_s: float
+
+    def __str__(self) -> str:
+        what = f"missed fit ground of {self.fit_s:.1f} s" if self.outcome == "missed" else self.outcome
+        if self.requested_s is not None:
+            what += (
+                f": requested at {self.requested_s:.1f} s on {self.inclination_deg:.1f} degrees, "
+                f"relief {self.relief:.4f}; touched down on {self.patch_inclination_deg:.1f} degrees, uneven by {self.patch_deviation_m:.2f} m"
+            )
+        return f"seed {self.seed} ({self.ground}{', ' + self.fault if self.fault else ''}): {what}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,11 +130,7 @@ class Report:
                 sum(r.outcome == word for r in runs) for word in ("unsafe", "view", "missed")
             )
             lines.append(f"    {kind:<8} {count:4d} flights {asked:4d} {bad:4d} {near:4d} {missed:4d}")
-        for r in worst(self.runs)[:KEPT_WORST]:
-            what = f"{r.outcome}: requested at {r.requested_s:.1f} s on {r.inclination_deg:.1f} degrees, relief {r.relief:.4f}" if (
-                r.requested_s is not None and r.inclination_deg is not None and r.relief is not None
-            ) else f"missed fit ground of {r.fit_s:.1f} s"  # fmt: skip
-            lines.append(f"  seed {r.seed} ({r.ground}{', ' + r.fault if r.fault else ''}): {what}")
+        lines += [f"  {run}" for run in worst(self.runs)[:KEPT_WORST]]
         lines += [f"  kept {path}" for path in self.kept]
         return "\n".join(lines)
 
@@ -170,13 +176,19 @@ def fly_many(
     overrides: Sequence[str] = (),
     keep: Path | None = None,
     progress: Progress = lambda done, total: None,
+    on_wrong: Callable[[Run], None] = lambda run: None,
 ) -> Report:
-    """Fly ``count`` random scenarios from ``first_seed`` on in ``jobs`` processes; record the worst under ``keep``."""
+    """Fly ``count`` random scenarios from ``first_seed`` on in ``jobs`` processes; record the worst under ``keep``.
+
+    ``on_wrong`` is told of a flight that went wrong as soon as it has ended.
+    """
     started = time.perf_counter()
     report = Report()
     seeds = range(first_seed, first_seed + count)
     for done, run in enumerate(_all(seeds, jobs, config, tuple(overrides)), 1):
         report.runs.append(run)
+        if run.outcome in WRONG:
+            on_wrong(run)
         progress(done, count)
     report.runs.sort(key=lambda r: r.seed)
     report.elapsed_s = time.perf_counter() - started

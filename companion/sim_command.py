@@ -127,6 +127,10 @@ def _many(args: argparse.Namespace) -> int:
     return 1 if report.requested_on_unfit.count else 0
 
 
+def _say(run: Any) -> None:
+    print(run, flush=True)
+
+
 @contextmanager
 def _bar(name: str) -> Iterator[Any]:
     """A progress bar on a terminal; silence in a pipe."""
