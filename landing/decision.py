@@ -45,11 +45,13 @@ def against_flat(estimate: SurfaceEstimate, options: DecisionOptions, widen: flo
     elif estimate.roughness > roughness_limit:
         reasons.append(f"too rough: {estimate.roughness:.4f} of the distance, limit {roughness_limit:.4f}")
     else:
-        upper = estimate.roughness + o.sigmas * estimate.roughness_std
+        upper = estimate.roughness + o.roughness_sigmas * estimate.roughness_std
         if not upper <= roughness_limit:
             reasons.append(
                 f"roughness uncertain: {estimate.roughness:.4f}, may be {upper:.4f}, limit {roughness_limit:.4f}"
             )
+    if estimate.standing > o.max_standing:
+        reasons.append(f"too rough: {estimate.standing} points stand out, limit {o.max_standing}")
     if not estimate.coverage >= o.min_coverage:
         reasons.append(
             f"too little of the surface seen: {estimate.coverage:.2f}, at least {o.min_coverage:.2f}"

@@ -57,6 +57,7 @@ class SurfaceEstimate:
     inlier_fraction: float = NAN
     fit_error_px: float = NAN
     coverage: float = NAN
+    standing: int = 0
     flat: bool = False
     against_flat: tuple[str, ...] = ()
     tracks: TrackView | None = field(default=None, compare=False)

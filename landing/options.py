@@ -36,7 +36,7 @@ class TrackingOptions:
     twin_px: Annotated[float, Limits(1, 50, "px", "tracks as near as this are one")] = 5.0
     renew_below: Annotated[float, Limits(0, 1, "", "share of tracks left at which corners are added")] = 0.75
     renew_after_frames: Annotated[int, Limits(1, 1000, "frames", "oldest reference image")] = 15
-    renew_after_px: Annotated[float, Limits(1, 1000, "px", "motion after which corners are added")] = 8.0
+    renew_after_px: Annotated[float, Limits(1, 1000, "px", "motion after which corners are added")] = 6.0
     renew_after_growth: Annotated[
         float, Limits(0.01, 1, "", "largest growth or turn (rad) from the reference")
     ] = 0.06
@@ -85,7 +85,12 @@ class EstimatorOptions:
     )
     slope_std: Annotated[float, Limits(0.1, 10, "", "prior of the slope tangents")] = 1.0
     restart_below: Annotated[float, Limits(0, 1, "", "inlier share at which the fit is started afresh")] = 0.6
-    relief_groups: Annotated[int, Limits(0, 10, "", "baselines for tracks younger than the plane's")] = 2
+    relief_groups: Annotated[int, Limits(0, 10, "", "baselines for tracks younger than the plane's")] = 3
+    relief_cells: Annotated[int, Limits(4, 1000, "", "cells of the view that count alike in the roughness")] = 80
+    relief_scale: Annotated[float, Limits(0.0005, 0.1, "", "relief that matters, over the distance")] = 0.01
+    standing_sigmas: Annotated[float, Limits(1, 20, "sigma", "height at which a point stands out")] = 5.0
+    standing_height: Annotated[float, Limits(0.001, 1, "", "height over the distance that stands out")] = 0.025
+    remembered: Annotated[int, Limits(0, 1000, "", "points that stood out and are remembered")] = 100
     gross_sigmas: Annotated[float, Limits(1, 20, "sigma", "residual across the motion that unmasks an error")] = 4.0
     max_roughness_std: Annotated[float, Limits(0.0005, 0.1, "", "uncertainty above which roughness is unknown")] = 0.01
     quadratic_hypotheses: Annotated[int, Limits(1, 1000, "", "RANSAC hypotheses of a fit")] = 20
@@ -93,13 +98,11 @@ class EstimatorOptions:
     quadratic_flow_px: Annotated[
         float, Limits(0.1, 50, "px", "median flow of the shortest baseline taken")
     ] = 3.0
-    quadratic_max_gap: Annotated[int, Limits(1, 60, "frames", "longest baseline")] = 8
-    quadratic_min_flow: Annotated[float, Limits(0.001, 1, "1/s", "ventral flow for first-order slopes")] = (
-        0.06
-    )
+    quadratic_max_gap: Annotated[int, Limits(1, 60, "frames", "longest baseline")] = 12
+    quadratic_min_flow: Annotated[float, Limits(0.001, 1, "1/s", "ventral flow for first-order slopes")] = (0.04)
     quadratic_min_divergence: Annotated[
         float, Limits(0.001, 1, "1/s", "divergence for second-order slopes")
-    ] = 0.06
+    ] = 0.04
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,13 +114,15 @@ class DecisionOptions:
         0.009
     )
     sigmas: Annotated[
-        float, Limits(0, 6, "", "standard deviations added to an estimate before it is compared")
+        float, Limits(0, 6, "", "standard deviations added to the inclination before it is compared")
     ] = 2.0
     hysteresis: Annotated[
         float, Limits(0, 1, "", "share by which a limit widens once the surface is fit")
     ] = 0.15
     dwell_s: Annotated[float, Limits(0, 10, "s", "how long a surface must be flat before it is fit")] = 0.5
     patience_s: Annotated[float, Limits(0, 5, "s", "how long a fit surface may go without an estimate")] = 0.3
+    roughness_sigmas: Annotated[float, Limits(0, 6, "", "standard deviations added to the roughness")] = 1.0
+    max_standing: Annotated[int, Limits(0, 100, "", "points that may stand out from a flat surface")] = 1
     min_coverage: Annotated[float, Limits(0, 1, "", "smallest share of the image with tracks")] = 0.35
 
 

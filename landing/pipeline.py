@@ -49,7 +49,7 @@ class SurfacePipeline:
         self.estimator = ESTIMATORS[options.estimator.method](
             options.estimator, camera.focal_px, options.tracking.max_features
         )
-        self.relief = ReliefMap(options.estimator)
+        self.relief = ReliefMap(options.estimator, camera)
         self._motion: tuple[Array, Array] | None = None
         self._last_s = -math.inf
 
@@ -65,7 +65,9 @@ class SurfacePipeline:
             raise LandingError(
                 f"frame {observation.frame} is at {observation.time_s:.6f} s, not after {self._last_s:.6f} s"
             )
-        self.views.step(observation, self._prediction(observation))
+        prediction = self._prediction(observation)
+        self.views.step(observation, prediction)
+        self.relief.move(prediction)
         self._last_s = observation.time_s
         plane = self.estimator.step(self.views)
         self._motion = None
@@ -145,6 +147,7 @@ class SurfacePipeline:
                 downhill_bearing_deg=below.bearing_deg if below.inclination_deg > 0 else math.nan,
                 roughness=relief_.roughness if relief_ else math.nan,
                 roughness_std=relief_.roughness_std if relief_ else math.nan,
+                standing=relief_.standing if relief_ else 0,
                 inlier_fraction=plane.inlier_fraction,
                 fit_error_px=plane.fit_error * self.camera.focal_px,
             )

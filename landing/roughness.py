@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from landing.camera import CameraModel
 from landing.motion import displacement
 from landing.options import EstimatorOptions
 from landing.plane import Plane
@@ -26,7 +27,8 @@ class Relief:
     """``height`` (n,) over the plane over the distance along the axis of the tracks ``slots``, ``std`` (n,) of it.
 
     ``roughness`` is the RMS with the noise taken out, ``roughness_std`` one sigma of it, NaN where the motion
-    does not tell; ``gross`` counts the tracks refused as tracking errors.
+    does not tell; ``gross`` counts the tracks refused as tracking errors, ``standing`` those that surely stand
+    out from the plane.
     """
 
     slots: NDArray[np.intp]
@@ -35,27 +37,82 @@ class Relief:
     roughness: float
     roughness_std: float
     gross: int
+    standing: int
 
 
 class ReliefMap:
-    """Heights of the tracked points over the plane; each track over the longest baseline it has."""
+    """Heights of the tracked points over the plane, and the roughness of the whole view.
 
-    def __init__(self, options: EstimatorOptions) -> None:
-        self.options = options
+    The view is divided into cells that count alike, however many tracks they hold. Points that stood out are
+    remembered and move with the ground until they leave the view or the ground there is measured as even: what is
+    no longer tracked, near the border or behind a step, still counts.
+    """
+
+    def __init__(self, options: EstimatorOptions, camera: CameraModel) -> None:
+        self.options, self.camera = options, camera
+        self._points = np.empty((0, 2))
+        self._heights = np.empty(0)
+        self._cell_px = math.sqrt(camera.width * camera.height / options.relief_cells)
+        self._columns = math.ceil(camera.width / self._cell_px)
+
+    def move(self, new_from_previous: Array | None) -> None:
+        """Carry the remembered points into the next frame (homography of normalised points, None: forget)."""
+        if new_from_previous is None:
+            self._points, self._heights = np.empty((0, 2)), np.empty(0)
+        if not len(self._points) or new_from_previous is None:
+            return
+        p = self._points @ new_from_previous[:, :2].T + new_from_previous[:, 2]
+        ahead = p[:, 2] > 0.1
+        self._points, self._heights = p[ahead, :2] / p[ahead, 2:], self._heights[ahead]
+        pixel = self.camera.project(self._points)
+        size = (self.camera.width, self.camera.height)
+        inside = ((pixel >= 0) & (pixel < size)).all(axis=1)
+        self._points, self._heights = self._points[inside], self._heights[inside]
 
     def step(self, views: Views, plane: Plane) -> Relief | None:
         """Relief at the newest frame over ``plane``; None when there is no baseline to see it by."""
         tracker, o = views.tracker, self.options
         if plane.status != "ok" or plane.gap < 1:
             return None
+        height, std, older, older_std, gross = self._measure(views, plane)
+        slots = np.flatnonzero(np.isfinite(height))
+        h, s, h2, s2 = height[slots], std[slots], older[slots], older_std[slots]
+        standing = int((np.abs(h) > np.maximum(o.standing_height, o.standing_sigmas * s)).sum())
+        unknown = Relief(slots, h, s, math.nan, math.nan, gross, standing)
+        if len(slots) < o.min_roughness_tracks:
+            return unknown
+        twice = np.isfinite(h2)
+        product = np.where(twice, h * h2, h**2 - s**2)
+        variance = np.where(twice, s * s2, s**2)
+        cell = self._cell(tracker.pixels[slots])
+        self._remember(views, slots, h, s, h2, s2, cell)
+        lost = self._cell(self.camera.project(self._points)) if len(self._points) else np.empty(0, np.int64)
+        # where something is measured now, that counts
+        gone = ~np.isin(lost, cell)
+        cell = np.concatenate((cell, lost[gone]))
+        product = np.concatenate((product, self._heights[gone] ** 2))
+        variance = np.concatenate((variance, np.full(int(gone.sum()), float(variance.min()))))
+        share = 1.0 / np.bincount(cell)[cell]
+        # tracks good enough to tell what matters count alike, the others by their uncertainty
+        weight = share / (variance + o.relief_scale**2) ** 2
+        total = float(weight.sum())
+        mean_square = max(float((weight * product).sum()) / total, 0.0)
+        spread = math.sqrt(2 * float((weight**2 * (variance + mean_square) ** 2).sum())) / total
+        rough = math.sqrt(mean_square)
+        rough_std = math.sqrt(mean_square + spread) - rough
+        if rough_std > o.max_roughness_std:
+            return unknown
+        return Relief(slots, h, s, rough, rough_std, gross, standing)
+
+    def _measure(self, views: Views, plane: Plane) -> tuple[Array, Array, Array, Array, int]:
+        """Heights and standard deviations of all slots (capacity,), newest and older, and the gross errors."""
+        tracker, o = views.tracker, self.options
         capacity = len(tracker.alive)
         weight = np.ones(capacity)
         weight[plane.slots] = plane.weight
-        height, std = np.full(capacity, math.nan), np.full(capacity, math.nan)
-        older, older_std = np.full(capacity, math.nan), np.full(capacity, math.nan)
-        half = max(1, plane.gap // 2)
+        height, std, older, older_std = (np.full(capacity, math.nan) for _ in range(4))
         wrong = np.zeros(capacity, bool)
-        for gap, before in self._baselines(views, half):
+        for gap, before in self._baselines(views, max(1, plane.gap // 2)):
             baseline = views.baseline(gap, before)
             # the same plane, in the axes of the frame where the baseline begins
             normal = plane.normal if before == 0 else turned(plane.normal, views.rotation(before))
@@ -68,30 +125,36 @@ class ReliefMap:
             into[slots[fresh]], into_std[slots[fresh]] = measured[0][fresh], measured[1][fresh]
             wrong[slots[fresh & measured[2]]] = True
         height[wrong] = math.nan
-        slots = np.flatnonzero(np.isfinite(height))
-        h, s, h2, s2 = height[slots], std[slots], older[slots], older_std[slots]
-        unknown = Relief(slots, h, s, math.nan, math.nan, int(wrong.sum()))
-        if len(slots) < o.min_roughness_tracks:
-            return unknown
-        twice = np.isfinite(h2)
-        product = np.where(twice, h * h2, h**2 - s**2)
-        variance = np.where(twice, s * s2, s**2)
-        mean_square, total = 0.0, 1.0
-        for _ in range(4):
-            w = 1.0 / (variance + mean_square) ** 2
-            total = float(w.sum())
-            mean_square = max(float((w * product).sum()) / total, 0.0)
-        rough = math.sqrt(mean_square)
-        rough_std = math.sqrt(mean_square + math.sqrt(2.0 / total)) - rough
-        if rough_std > o.max_roughness_std:
-            return unknown
-        return Relief(slots, h, s, rough, rough_std, unknown.gross)
+        return height, std, older, older_std, int(wrong.sum())
+
+    def _cell(self, pixel: Array) -> NDArray[np.int64]:
+        place = np.clip(pixel // self._cell_px, 0, 1000).astype(np.int64)
+        return place[:, 1] * self._columns + place[:, 0]
+
+    def _remember(
+        self, views: Views, slots: NDArray[np.intp], h: Array, s: Array, h2: Array, s2: Array, cell: NDArray[np.int64]
+    ) -> None:
+        """Add the points that stand out twice, forget those where the ground is now measured as even."""
+        o = self.options
+        stands = (np.abs(h) > o.standing_sigmas * s) & (np.abs(h) > o.relief_scale)
+        sure = stands & (np.abs(h2) > o.standing_sigmas * s2) & (np.sign(h2) == np.sign(h))
+        if len(self._points):
+            even = np.unique(cell[~stands & (s < o.relief_scale)])
+            rough = np.unique(cell[stands])
+            mine = self._cell(self.camera.project(self._points))
+            keep = ~np.isin(mine, np.setdiff1d(even, rough)) & ~np.isin(mine, cell[sure])
+            self._points, self._heights = self._points[keep], self._heights[keep]
+        if sure.any():
+            tracker = views.tracker
+            now = tracker.history[tracker.frame % tracker.HISTORY, slots[sure]]
+            self._points = np.concatenate((self._points, now))[-o.remembered :]
+            self._heights = np.concatenate((self._heights, h[sure]))[-o.remembered :]
 
     def _baselines(self, views: Views, half: int) -> list[tuple[int, int]]:
         """(gap, before): two baselines end to end, then shorter ones for the tracks that are younger."""
         tracker = views.tracker
         ages = tracker.frame - np.unique(tracker.born[tracker.alive])
-        younger = sorted((int(age) for age in ages if 2 <= age < half), reverse=True)
+        younger = sorted((int(age) for age in ages if 1 <= age < half), reverse=True)
         twice = [(half, half)] if 2 * half <= views.longest else []
         return [(half, 0), *twice, *((age, 0) for age in younger[: self.options.relief_groups])]
 

@@ -50,7 +50,7 @@ class _Anchor:
 class FeatureTracker:
     """Follows up to ``options.max_features`` corners through a sequence of grey images of one size."""
 
-    HISTORY = 64
+    HISTORY = 100
     """Frames whose positions are kept."""
 
     def __init__(self, camera: CameraModel, options: TrackingOptions) -> None:

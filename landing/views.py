@@ -13,7 +13,7 @@ from landing.tracking import FeatureTracker, TrackPair
 Array = NDArray[np.float64]
 
 
-_GAPS = np.array((1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24, 29, 35, 42, 50, 60), np.intp)
+_GAPS = np.array((1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24, 29, 35, 42, 50, 60, 72, 86), np.intp)
 """Baselines looked at, in frames."""
 
 
