@@ -55,10 +55,9 @@ class Run:
     def __str__(self) -> str:
         what = f"missed fit ground of {self.fit_s:.1f} s" if self.outcome == "missed" else self.outcome
         if self.requested_s is not None:
-            what += (
-                f": requested at {self.requested_s:.1f} s on {self.inclination_deg:.1f} degrees, "
-                f"relief {self.relief:.4f}; touched down on {self.patch_inclination_deg:.1f} degrees, uneven by {self.patch_deviation_m:.2f} m"
-            )
+            what += f": requested at {self.requested_s:.1f} s"
+            what += f" on {self.inclination_deg:.1f} degrees, relief {self.relief:.4f}; touched down on"
+            what += f" {self.patch_inclination_deg:.1f} degrees, uneven by {self.patch_deviation_m:.2f} m"
         return f"seed {self.seed} ({self.ground}{', ' + self.fault if self.fault else ''}): {what}"
 
 

@@ -7,8 +7,9 @@ import math
 from dataclasses import dataclass, field
 
 from drivers.errors import DriverError
-from drivers.simulated.quaternion import Quaternion, Vector, from_euler, from_thrust_and_yaw
+from drivers.simulated.quaternion import Quaternion, Vector, from_euler
 from drivers.simulated.vehicle import GRAVITY, AttitudeCommand, Multirotor
+from drivers.simulated.velocity_loop import FlightGains, VelocityLoop
 
 MODES = {
     "STABILIZE": 0,
@@ -25,34 +26,6 @@ MODES = {
 MODE_NAMES = {number: name for name, number in MODES.items()}
 NOT_ARMABLE = ("AUTO", "RTL", "LAND", "BRAKE")
 STICK_MIDDLE_US, STICK_SPAN_US, STICK_DEAD = 1500, 400, 0.05
-
-
-@dataclass(frozen=True, slots=True)
-class FlightGains:
-    """Loops around the airframe; defaults near ArduCopter's."""
-
-    position: float = 1.0
-    """Velocity asked for per metre of error, 1/s."""
-    velocity: float = 2.2
-    """Acceleration per velocity error, 1/s."""
-    velocity_integral: float = 0.8
-    """1/s^2; takes out the wind."""
-    vertical: float = 4.0
-    max_tilt: float = math.radians(30)
-    max_speed: float = 5.0
-    max_climb: float = 2.5
-    max_sink: float = 1.5
-    max_acceleration: float = 4.0
-    """Horizontal, of the velocity asked for, m/s^2."""
-    land_speed: float = 0.5
-    land_speed_high: float = 1.5
-    """Above ``land_slow_below_m`` over home."""
-    land_slow_below_m: float = 10.0
-    rtl_altitude_m: float = 15.0
-    setpoint_timeout_s: float = 3.0
-    """After the last velocity in GUIDED the vehicle stops."""
-    disarm_delay_s: float = 10.0
-    landed_disarm_s: float = 1.0
 
 
 @dataclass(slots=True)
@@ -78,12 +51,11 @@ class FlightController:
     _target_age_s: float = 0.0
     _yaw: float = 0.0
     _yaw_rate: float | None = None
-    _shaped: Vector = (0.0, 0.0, 0.0)
-    """The velocity asked for, after the acceleration limit."""
-    _integral: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     _idle_s: float = 0.0
+    _loop: VelocityLoop = field(init=False)
 
     def __post_init__(self) -> None:
+        self._loop = VelocityLoop(self.vehicle, self.gains)
         self.home = self.vehicle.position
         self._yaw = self.vehicle.euler[2]
 
@@ -129,19 +101,9 @@ class FlightController:
         self.armed = True
         self.mode = mode
         self._hold_here()
-        self._trim()
+        self._loop.trim(self._yaw)
         n, e, _ = self.vehicle.position
         self.home = (n, e, -(self.vehicle.ground(n, e) + self.vehicle.airframe.leg_m))
-
-    def _trim(self) -> None:
-        """Lean into the mean wind as a vehicle does that has hung in it for a while."""
-        vehicle, wind = self.vehicle, self.vehicle.wind
-        north = vehicle.airframe.drag * (vehicle.velocity[0] - wind.north)
-        east = vehicle.airframe.drag * (vehicle.velocity[1] - wind.east)
-        self._integral = [north, east, 0.0]
-        self._shaped = vehicle.velocity
-        vehicle.attitude = from_thrust_and_yaw((north, east, -GRAVITY), self._yaw)
-        vehicle.thrust = math.sqrt(north * north + east * east + GRAVITY * GRAVITY)
 
     def take_off(self, height_m: float) -> bool:
         """Climb to ``height_m`` over home; only armed, on the ground, in GUIDED."""
@@ -203,8 +165,8 @@ class FlightController:
         if wanted is None:
             return AttitudeCommand(self.vehicle.attitude, 0.3 * GRAVITY if self.armed else 0.0)
         if self.mode == "GUIDED" and self._kind == "attitude":
-            return AttitudeCommand(self._target_attitude, self._thrust_for_climb(-wanted[2], dt))
-        return self._velocity_loop(wanted, dt)
+            return AttitudeCommand(self._target_attitude, self._loop.thrust_for_climb(-wanted[2], dt))
+        return self._loop.command(wanted, self._yaw, dt)
 
     def _wanted_velocity(self, dt: float) -> Vector | None:
         """Velocity NED that the mode asks for; None: stay on the ground with idle motors."""
@@ -302,7 +264,7 @@ class FlightController:
         tilt = self.gains.max_tilt
         climb = throttle * (self.gains.max_climb if throttle > 0 else self.gains.max_sink)
         return AttitudeCommand(
-            from_euler(roll * tilt, pitch * tilt, self._yaw), self._thrust_for_climb(climb, dt)
+            from_euler(roll * tilt, pitch * tilt, self._yaw), self._loop.thrust_for_climb(climb, dt)
         )
 
     def _stick(self, channel: int) -> float:
@@ -326,47 +288,6 @@ class FlightController:
         self._target = self.vehicle.position
         return velocity
 
-    def _velocity_loop(self, wanted: Vector, dt: float) -> AttitudeCommand:
-        g, v = self.gains, self.vehicle.velocity
-        step = g.max_acceleration * dt
-        dn, de = wanted[0] - self._shaped[0], wanted[1] - self._shaped[1]
-        size = math.hypot(dn, de)
-        shrink = 1.0 if size <= step else step / size
-        dd = min(max(wanted[2] - self._shaped[2], -step), step)
-        self._shaped = (
-            self._shaped[0] + dn * shrink,
-            self._shaped[1] + de * shrink,
-            self._shaped[2] + dd,
-        )
-        error = [self._shaped[i] - v[i] for i in range(3)]
-        if not self.vehicle.on_ground:
-            for i in range(2):
-                self._integral[i] = min(max(self._integral[i] + g.velocity_integral * error[i] * dt, -5), 5)
-        n = g.velocity * error[0] + self._integral[0]
-        e = g.velocity * error[1] + self._integral[1]
-        limit = math.tan(g.max_tilt) * GRAVITY
-        size = math.hypot(n, e)
-        if size > limit:
-            n, e = n * limit / size, e * limit / size
-        up = self._climb_acceleration(-self._shaped[2], dt) + GRAVITY
-        attitude = from_thrust_and_yaw((n, e, -GRAVITY), self._yaw)
-        return AttitudeCommand(attitude, up / self._lift_share())
-
-    def _thrust_for_climb(self, climb: float, dt: float) -> float:
-        self._shaped = (self.vehicle.velocity[0], self.vehicle.velocity[1], -climb)
-        return (GRAVITY + self._climb_acceleration(climb, dt)) / self._lift_share()
-
-    def _climb_acceleration(self, climb: float, dt: float) -> float:
-        error = climb + self.vehicle.velocity[2]
-        if not self.vehicle.on_ground:
-            self._integral[2] = min(max(self._integral[2] + 1.0 * error * dt, -4), 4)
-        return min(max(self.gains.vertical * error + self._integral[2], -5.0), 5.0)
-
-    def _lift_share(self) -> float:
-        """Cosine of the tilt, bounded: tilting loses lift."""
-        _, x, y, _ = self.vehicle.attitude
-        return max(0.5, 1 - 2 * (x * x + y * y))
-
     def _turn(self, dt: float) -> None:
         if self._yaw_rate is not None:
             self._yaw = math.remainder(self._yaw + self._yaw_rate * dt, 2 * math.pi)
@@ -388,11 +309,7 @@ class FlightController:
         self._target = self.vehicle.position
         self._yaw = self.vehicle.euler[2]
         self._yaw_rate = None
-        if self.vehicle.on_ground:
-            self._shaped = (0.0, 0.0, 0.0)
-            self._integral = [0.0, 0.0, 0.0]
-        else:
-            self._shaped = self.vehicle.velocity
+        self._loop.take_over()
 
     def _slow(self) -> bool:
         return math.hypot(self.vehicle.velocity[0], self.vehicle.velocity[1]) < 0.3
