@@ -67,7 +67,7 @@ class EstimatorOptions:
     map_min_flow_px: Annotated[float, Limits(0.05, 50, "px", "smallest RMS flow an estimate is made from")] = 5.0
     map_keep_tracks: Annotated[float, Limits(0, 1, "", "share of the tracks that a baseline keeps")] = 0.5
     map_cut: Annotated[float, Limits(2, 10, "sigma", "residual beyond which a track counts as an outlier")] = 4.5
-    max_slope_std_deg: Annotated[float, Limits(0.1, 30, "deg", "uncertainty above which the slope is unknown")] = 1.5
+    max_slope_std_deg: Annotated[float, Limits(0.1, 30, "deg", "uncertainty above which the slope is unknown")] = 1.0
     motion_span_s: Annotated[float, Limits(0.02, 2, "s", "interval that the newest motion is taken from")] = 0.2
     acceleration_std: Annotated[float, Limits(0.01, 100, "1/s^2", "usual acceleration over height")] = 2.0
     memory_s: Annotated[float, Limits(0, 30, "s", "how far back estimates are fused")] = 2.0

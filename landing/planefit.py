@@ -78,7 +78,7 @@ def fit_plane(
     start: tuple[Array, float, float] | None = None,
     cut: float = 4.5,
     iterations: int = 15,
-    tolerance: float = 2e-5,
+    tolerance: float = 5e-5,
 ) -> PlaneFit | None:
     """Fit the plane to tracks ``new`` and ``old`` (n, 2), normalised coordinates of two frames.
 
@@ -112,7 +112,7 @@ def fit_plane(
         step = tried - x
         x, residual = tried, r
         damping = damping / 10 if damping > 1e-3 else 0.0
-        if iteration < 3:
+        if iteration < 2:
             # the scale settles first: a cost that changes under way does not converge
             noise = problem.scale(residual, True)
         if iteration and float(np.abs(step).max()) < tolerance:

@@ -173,12 +173,15 @@ class FeatureTracker:
         moved = np.abs(self.pixels[slots] - self._placed_px[slots]).max(axis=1)
         return float(np.partition(moved, len(moved) // 2)[len(moved) // 2]) > o.renew_after_px
 
+    def _cells(self, pixels: NDArray[np.float32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Row and column of the grid's cell of each pixel (n, 2)."""
+        row = ((pixels[:, 1] - self._top) // self._cell).astype(np.int64).clip(0, self._rows - 1)
+        column = ((pixels[:, 0] - self._left) // self._cell).astype(np.int64).clip(0, self._cols - 1)
+        return row, column
+
     def _occupied(self) -> NDArray[np.bool_]:
         cells = np.zeros((self._rows, self._cols), bool)
-        p = self.pixels[self.alive]
-        r = ((p[:, 1] - self._top) // self._cell).astype(int).clip(0, self._rows - 1)
-        c = ((p[:, 0] - self._left) // self._cell).astype(int).clip(0, self._cols - 1)
-        cells[r, c] = True
+        cells[self._cells(self.pixels[self.alive])] = True
         return cells
 
     def _place(self, image: Image) -> None:
@@ -187,6 +190,8 @@ class FeatureTracker:
         self._drop_twins()
         tensor = structure_tensor(image)
         corners = self._corners(tensor)
+        if len(corners) > int((~self.alive).sum()):
+            self._thin_out()
         free = np.flatnonzero(~self.alive)[: len(corners)]
         corners = corners[: len(free)]
         self.pixels[free] = corners
@@ -220,8 +225,11 @@ class FeatureTracker:
         strength[:margin] = strength[-margin:] = 0
         strength[:, :margin] = strength[:, -margin:] = 0
         # not beside a track that is there already
-        for u, v in np.rint(self.pixels[self.alive]).astype(int):
-            strength[max(0, v - o.spacing_px) : v + o.spacing_px + 1, max(0, u - o.spacing_px) : u + o.spacing_px + 1] = 0
+        taken = np.zeros(strength.shape, np.uint8)
+        u, v = np.rint(self.pixels[self.alive]).astype(int).T
+        taken[v, u] = 1
+        side = 2 * o.spacing_px + 1
+        strength[cv2.dilate(taken, np.ones((side, side), np.uint8)).view(bool)] = 0
         s, rows, cols = self._cell, self._rows, self._cols
         blocks = strength[self._top : self._top + rows * s, self._left : self._left + cols * s]
         blocks = blocks.reshape(rows, s, cols, s).transpose(0, 2, 1, 3).reshape(rows * cols, s * s)
@@ -266,6 +274,16 @@ class FeatureTracker:
         c11 = np.sqrt(ixx)
         c12 = ixy / c11
         return np.stack((c11, c12, np.sqrt(np.maximum(iyy - c12 * c12, 1e-12)))) * self.camera.focal_px
+
+    def _thin_out(self) -> None:
+        """Keep the oldest track of each cell, to make room where there is none."""
+        slots = np.flatnonzero(self.alive)
+        slots = slots[np.argsort(self.born[slots], kind="stable")]
+        row, column = self._cells(self.pixels[slots])
+        _, first = np.unique(row * self._cols + column, return_index=True)
+        extra = np.ones(len(slots), bool)
+        extra[first] = False
+        self.alive[slots[extra]] = False
 
     def _drop_twins(self) -> None:
         """Of tracks that have run into one another keep the oldest."""
