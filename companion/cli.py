@@ -30,7 +30,10 @@ COMMANDS = {
     "watch": ("companion.watch_command", "show a vehicle's messages live in the terminal"),
     "install": ("companion.install_command", "install landslope as a systemd service, or take it off again"),
     "sim": ("companion.sim_command", "fly a simulated drone over simulated ground, closed loop"),
-    "calibrate": ("companion.calibrate_command", "calibrate the camera, print a board, measure its time offset"),
+    "calibrate": (
+        "companion.calibrate_command",
+        "calibrate the camera, print a board, measure its time offset",
+    ),
     "doctor": ("companion.doctor_command", "look at camera, link, clocks and disk before a flight"),
 }
 """Name -> (module with add_arguments(parser) and run(args) -> exit code, one line of help)."""
@@ -79,5 +82,14 @@ def main(argv: list[str] | None = None) -> int:
         return 141
 
 
+def script() -> None:
+    """The installed command: ends with main's code, even when a camera's driver hangs in a thread of its own."""
+    code = main()
+    cameras = sys.modules.get("drivers.cameras.reader")  # imported by the commands that need it alone
+    if cameras is not None:
+        cameras.end_past_hanging_reads(code)
+    sys.exit(code)
+
+
 if __name__ == "__main__":
-    sys.exit(main())
+    script()

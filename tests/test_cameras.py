@@ -1,6 +1,9 @@
 """Every kind of camera, over real sockets where there are any, and what happens when they fail."""
 
 import shutil
+import socket
+import subprocess
+import sys
 import threading
 import time
 from itertools import pairwise
@@ -326,3 +329,22 @@ def test_check_takes_up_again_after_refusals():
     assert check.check(good[0]) is good[0]
     assert isinstance(check.check(Frame(9, 0, 0, textured(5))), Refusal)
     assert check.check(good[1]) is good[1]
+
+
+def test_the_command_ends_well_while_a_read_hangs():
+    """A server that takes the call and never says a word; the process must end with its own code, and soon."""
+    with socket.socket() as silent:
+        silent.bind(("127.0.0.1", 0))
+        silent.listen()
+        source = f"camera.source=rtsp://127.0.0.1:{silent.getsockname()[1]}/live"
+        words = ["doctor", "--seconds", "3", "--set", source, "--set", "camera.open_timeout_s=60"]
+        done = subprocess.run(
+            [sys.executable, "-m", "companion.cli", *words],
+            capture_output=True,
+            text=True,
+            timeout=40,
+            check=False,
+        )
+    assert done.returncode == 2, done.stderr
+    assert "no frame came" in done.stdout
+    assert "0 failure" not in done.stdout.splitlines()[-1]

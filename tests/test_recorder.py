@@ -126,6 +126,8 @@ def test_a_killed_recorder_leaves_all_but_the_last_second(tmp_path):
     images = list(VideoFile(folder / "camera.mkv").images())
     assert len(images) >= len(rows) > 20
     assert last_us - int(rows[-1].split(",")[1]) < 1_000_000
+    frames = [sample for sample in FlightFolder(folder).samples() if isinstance(sample, Frame)]
+    assert len(frames) == len(rows)
     tlog = bytes_of(folder / "vehicle.tlog")
     assert last_us - int.from_bytes(tlog[(len(tlog) // 20 - 1) * 20 :][:8], "big") < 1_000_000
 
