@@ -43,6 +43,8 @@ READY_S = 20.0
 SETTLE_S = 1.0
 """Simulated time that the vehicle hangs still once they have."""
 POLL_S = 0.05
+WATCH_PORT = 7447
+"""Where a flight that others may watch listens, unless the settings say so."""
 DRAIN_S = 0.5
 TYPES = {topic.name: topic.type for topic in TOPICS if topic.type is not None}
 
@@ -127,7 +129,9 @@ class _LiveFlight:
         self._daemon = Daemon(settings, self._open_camera)
         self._failure: BaseException | None = None
         self._thread = threading.Thread(target=self._run_daemon, name="daemon", daemon=True)
-        reach = replace(settings.zenoh, mode="peer", listen=(), connect=settings.zenoh.listen[:1])
+        reach = settings.zenoh
+        if reach.mode == "peer":
+            reach = replace(reach, listen=(), connect=reach.listen[:1])
         self._watcher = stack.enter_context(
             Subscription(endpoints(reach), settings.vehicle.name, tuple(TYPES))
         )
@@ -280,8 +284,9 @@ class _LiveFlight:
 def _wired(settings: Settings, connection: str, options: LiveOptions) -> Settings:
     """The settings with the simulated link, a bus that can be watched, and a name of this process's own."""
     zenoh, vehicle, record = settings.zenoh, settings.vehicle, settings.record
-    if not zenoh.listen:
-        zenoh = replace(zenoh, listen=(f"tcp/127.0.0.1:{_free_tcp_port()}",))
+    if zenoh.mode == "peer" and not zenoh.listen:
+        port = WATCH_PORT if options.watch else _free_tcp_port()
+        zenoh = replace(zenoh, listen=(f"tcp/127.0.0.1:{port}",))
     if not options.watch:
         vehicle = replace(vehicle, name=f"{vehicle.name}-simulated-{os.getpid()}")
     if options.record is not None:
