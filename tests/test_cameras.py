@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 import time
+import types
 from itertools import pairwise
 
 import cv2
@@ -286,6 +287,67 @@ def test_v4l2_size_that_the_device_does_not_have_is_refused(monkeypatch, tmp_pat
     grabber = v4l2(monkeypatch, tmp_path, device, CameraFormat(640, 480))
     with pytest.raises(DriverError, match="gives 160 x 120, not the 640 x 480"):
         grabber.open()
+
+
+class FakePicamera2:
+    """picamera2's way with a sensor: a configuration, then completed requests of padded YUV 4:2:0."""
+
+    def __init__(self, number: int) -> None:
+        if number > 0:
+            raise IndexError("list index out of range")
+        self.running = False
+
+    def create_video_configuration(self, **configuration):
+        return configuration
+
+    def configure(self, configuration) -> None:
+        self.configuration = configuration
+
+    def start(self) -> None:
+        self.running = True
+
+    def capture_request(self):
+        self.stamp_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - 12_000_000
+        return self
+
+    def make_array(self, name: str):
+        return np.full((180, 192), 60, np.uint8)
+
+    def get_metadata(self):
+        return {"SensorTimestamp": self.stamp_ns}
+
+    def release(self) -> None:
+        return
+
+    def stop(self) -> None:
+        self.running = False
+
+    def close(self) -> None:
+        return
+
+
+@pytest.fixture
+def picamera2(monkeypatch):
+    module = types.SimpleNamespace(Picamera2=FakePicamera2)
+    monkeypatch.setitem(sys.modules, "picamera2", module)
+
+
+def test_picamera_is_fixed_and_stamped_by_the_sensor(picamera2):
+    grabber = PicameraGrabber(0, CameraFormat(160, 120, 50, exposure_us=3000, gain=2.0))
+    grabber.open()
+    grab = grabber.grab()
+    assert grab.image.shape == (120, 160)
+    assert now_us() - grab.captured_us == pytest.approx(12_000, abs=5_000)
+    controls = grabber._camera.configuration["controls"]
+    assert controls["FrameDurationLimits"] == (20_000, 20_000)
+    assert (controls["AeEnable"], controls["ExposureTime"], controls["AnalogueGain"]) == (False, 3000, 2.0)
+    grabber.close()
+    assert not grabber._camera.running
+
+
+def test_picamera_that_is_not_there(picamera2):
+    with pytest.raises(DriverError, match=r"Raspberry Pi camera 1: .*cable"):
+        PicameraGrabber(1, CameraFormat()).open()
 
 
 def test_picamera_without_the_library_says_what_to_install():
