@@ -66,8 +66,10 @@ def install_steps(options: InstallOptions) -> Iterator[Step]:
             yield _write(text, target, options)
     if options.root is None:
         yield _command("systemd-sysusers", str(SYSTEM_FILES["landslope.sysusers.conf"]))
-        yield _command("udevadm", "control", "--reload")
-        yield _command("udevadm", "trigger", "--subsystem-match=tty", "--subsystem-match=video4linux")
+        yield _tolerated(_command("udevadm", "control", "--reload"))
+        yield _tolerated(
+            _command("udevadm", "trigger", "--subsystem-match=tty", "--subsystem-match=video4linux")
+        )
         yield _command("systemctl", "daemon-reload")
         yield _command("systemctl", "try-restart", UNIT)
     if options.enable:
@@ -90,7 +92,7 @@ def uninstall_steps(options: InstallOptions, purge: bool) -> Iterator[Step]:
         yield _remove(STATE_DIRECTORY, options)
     if options.root is None:
         yield _command("systemctl", "daemon-reload")
-        yield _command("udevadm", "control", "--reload")
+        yield _tolerated(_command("udevadm", "control", "--reload"))
 
 
 def check_rights(options: InstallOptions) -> None:
@@ -182,6 +184,18 @@ def _command(*words: str) -> Step:
             raise LandslopeError(f"'{' '.join(words)}' failed: {reason}")
 
     return Step(f"run {' '.join(words)}", act)
+
+
+def _tolerated(step: Step) -> Step:
+    """The same step, whose failure is told and passed over: what it does happens at the next boot anyway."""
+
+    def act() -> None:
+        try:
+            step.act()
+        except LandslopeError as error:
+            print(f"  {error}; it takes effect at the next boot", flush=True)
+
+    return Step(step.text, act)
 
 
 def _is_ours(prefix: Path) -> bool:

@@ -267,3 +267,8 @@ def test_what_is_installed_is_what_this_landslope_came_from(tmp_path, monkeypatc
     else:
         with pytest.raises(LandslopeError, match="--package"):
             install._this_package()
+
+
+def test_a_device_manager_that_does_not_run_is_passed_over(capsys):
+    install._tolerated(install._command("sh", "-c", "echo no daemon >&2; exit 1")).act()
+    assert "no daemon; it takes effect at the next boot" in capsys.readouterr().out

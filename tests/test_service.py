@@ -53,6 +53,10 @@ systemctl start landslope
 sleep 3
 note wrong_settings "$(show ExecMainStatus) $(show NRestarts)"
 journalctl -u landslope --no-pager > journal.txt 2>&1
+/opt/landslope/bin/landslope install --prefix /opt/landslope-python >> install.txt 2>&1; note install "$?"
+note enabled "$(systemctl is-enabled landslope)"
+/opt/landslope/bin/landslope install --uninstall --prefix /opt/landslope-python >> install.txt 2>&1; note uninstall "$?"
+note unit_after "$(ls /etc/systemd/system/landslope.service 2>&1 | grep -c 'No such')"
 journalctl -u landslope _TRANSPORT=stdout -o json --no-pager | head -1 > journal.json
 """
 
@@ -83,4 +87,11 @@ def test_the_service_under_a_real_systemd(tmp_path):
     assert found["owner"] == "landslope"
     assert int(found["flights"]) >= 1, journal
     assert found["wrong_settings"] == "2 0", journal
+    said = (results / "install.txt").read_text()
+    assert (found["install"], found["enabled"], found["uninstall"], found["unit_after"]) == (
+        "0",
+        "enabled",
+        "0",
+        "1",
+    ), said
     assert "LANDSLOPE_UNIT" in (results / "journal.json").read_text()
