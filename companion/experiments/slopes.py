@@ -114,7 +114,7 @@ def section(outcomes: list[Outcome], out: Path) -> Section:
         )
 
     asked = "; ".join(
-        f"{row[2]} at {row[0]} per frame: {row[3]} deg"
+        f"{row[2]} at {row[0]} per frame: {row[3] + ' deg' if row[3] != 'none' else 'no estimate'}"
         for row in (*flow_rows[: len(METHODS)], *flow_rows[-len(METHODS) :])
     )
     return Section(
