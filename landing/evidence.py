@@ -51,7 +51,14 @@ class Evidence:
         self._entries.clear()
 
     def add(
-        self, frame: int, time_s: float, ned_from_camera: Array, a: float, b: float, covariance: Array, gap: int
+        self,
+        frame: int,
+        time_s: float,
+        ned_from_camera: Array,
+        a: float,
+        b: float,
+        covariance: Array,
+        gap: int,
     ) -> None:
         """Remember the slope tangents (a, b) with covariance (2, 2), from a baseline of ``gap`` frames."""
         turned = to_world(ned_from_camera, a, b, covariance)

@@ -76,7 +76,9 @@ class MapEstimator:
         o = self.options
         gaps, count, flow = views.profile(_SAMPLE)
         flow_px = flow * self.focal_px
-        good = (count >= max(o.min_tracks, o.map_keep_tracks * float(count[0]))) & (flow_px <= o.map_max_flow_px)
+        good = (count >= max(o.min_tracks, o.map_keep_tracks * float(count[0]))) & (
+            flow_px <= o.map_max_flow_px
+        )
         information = np.where(good, count * flow_px**2, -1.0)
         best = int(information.argmax())
         return int(gaps[best]), float(flow_px[best])
@@ -102,7 +104,9 @@ class MapEstimator:
         fit = None
         if self._normal is not None:
             weight = self._weight[tracks.slots]
-            near = displacement(tracks.new, baseline.derotated_old[None], self._normal, tracks.whitener, weight)
+            near = displacement(
+                tracks.new, baseline.derotated_old[None], self._normal, tracks.whitener, weight
+            )
             if near is not None:
                 start = near[0][0], -float(self._normal[0]), -float(self._normal[1])
                 fit = self._refine(baseline, prior, start)
@@ -142,7 +146,11 @@ class MapEstimator:
         )
         omega, omega_std = moving if moving is not None else (np.full(3, math.nan), np.full(3, math.nan))
         divergence = float(2 * omega[2] + omega[0] * a + omega[1] * b)
-        status = "ok" if slope_std(covariance) <= math.tan(math.radians(o.max_slope_std_deg)) else "slope_uncertain"
+        status = (
+            "ok"
+            if slope_std(covariance) <= math.tan(math.radians(o.max_slope_std_deg))
+            else "slope_uncertain"
+        )
         ttc = 2 / divergence if divergence > 0 else math.nan
         if fit is None:
             return Plane(status, a, b, covariance, omega, omega_std, divergence, ttc)

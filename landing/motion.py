@@ -1,7 +1,5 @@
 """Motion over a known plane: displacement by linear least squares, and the velocity at the newest frame."""
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,14 +9,21 @@ Array = NDArray[np.float64]
 
 
 def displacement(
-    new: Array, derotated_old: Array, normal: Array, whitener: Array, weight: Array
+    new: Array,
+    derotated_old: Array,
+    normal: Array,
+    whitener: Array,
+    weight: Array,
+    rotation_std: Array | None = None,
 ) -> tuple[Array, Array] | None:
     """Displacements over height t (g, 3) and their covariances (g, 3, 3) in units of the whitened noise squared.
 
     ``new`` is (n, 2), ``derotated_old`` (g, n, 2): the same tracks in g older frames. With the plane and the
     rotation known the exact model is linear in t: for p = (x, y) seen at (x', y') after derotation,
     x' - x = d (x' tz - tx) and y' - y = d (y' tz - ty) with d = n . p; there is no small-motion limit.
-    ``weight`` (n,) leaves out what a robust fit refused. None with fewer than six tracks or a singular pattern.
+    With ``rotation_std`` (3,), over the whitened noise, a small error of the rotation is solved for as well and
+    the results are (g, 6) and (g, 6, 6). ``weight`` (n,) leaves out what a robust fit refused. None with fewer
+    than six tracks or a singular pattern.
     """
     n = len(new)
     if int(np.count_nonzero(weight)) < 6:
@@ -29,16 +34,29 @@ def displacement(
     g = len(derotated_old)
     x, y = derotated_old[..., 0], derotated_old[..., 1]
     u, v = x - new[:, 0], y - new[:, 1]
-    rows = np.zeros((g, 4, 2 * n))
+    unknowns = 3 if rotation_std is None else 6
+    rows = np.zeros((g, unknowns + 1, 2 * n))
     rows[:, 0, :n], rows[:, 1, :n], rows[:, 1, n:] = -d * c11, -d * c12, -d * c22
     rows[:, 2, :n], rows[:, 2, n:] = d * (c11 * x + c12 * y), d * c22 * y
-    rows[:, 3, :n], rows[:, 3, n:] = c11 * u + c12 * v, c22 * v
+    if rotation_std is not None:
+        for k, (ru, rv) in enumerate(rotation_flow(x, y)):
+            rows[:, 3 + k, :n], rows[:, 3 + k, n:] = c11 * ru + c12 * rv, c22 * rv
+    rows[:, -1, :n], rows[:, -1, n:] = c11 * u + c12 * v, c22 * v
     product = rows @ rows.transpose(0, 2, 1)
+    matrix = product[:, :unknowns, :unknowns]
+    if rotation_std is not None:
+        matrix[:, (3, 4, 5), (3, 4, 5)] += rotation_std**-2.0
     try:
-        inverse = np.linalg.inv(product[:, :3, :3])
+        inverse = np.linalg.inv(matrix)
     except np.linalg.LinAlgError:
         return None
-    return (inverse @ product[:, :3, 3:])[..., 0], inverse
+    return (inverse @ product[:, :unknowns, unknowns:])[..., 0], inverse
+
+
+def rotation_flow(x: Array, y: Array) -> tuple[tuple[Array, Array], ...]:
+    """Displacement of points (x, y) by small rotations about the camera's x, y and z axes, per radian."""
+    xy = x * y
+    return (-xy, -1 - y * y), (1 + x * x, xy), (-y, x)
 
 
 def velocity(
@@ -69,7 +87,9 @@ def velocity(
         return None
     tau = np.array([newest_s - views.view(int(gap)).time_s for gap in gaps])
     # an error of the rotation about x or y looks like a displacement across; along the axis it hardly tells
-    variance = np.diagonal(found[1], axis1=1, axis2=2) * noise**2 + np.array((1.0, 1.0, 0.1)) * rotation_std**2
+    variance = (
+        np.diagonal(found[1], axis1=1, axis2=2) * noise**2 + np.array((1.0, 1.0, 0.1)) * rotation_std**2
+    )
     basis = np.stack((-tau, tau**2 / 2))
     weighted = basis[None] / variance.T[:, None]
     information = weighted @ basis.T

@@ -25,10 +25,14 @@ class TrackingOptions:
     ] = 1
     levels_unpredicted: Annotated[int, Limits(0, 5, "", "pyramid levels above the image where it is not")] = 3
     blur_px: Annotated[float, Limits(0, 3, "px", "sigma of a blur before tracking")] = 0.0
-    contrast: Annotated[float, Limits(5, 120, "", "standard deviation of grey that images are stretched to")] = 45.0
+    contrast: Annotated[
+        float, Limits(5, 120, "", "standard deviation of grey that images are stretched to")
+    ] = 45.0
     max_gain: Annotated[float, Limits(1, 20, "", "largest stretch")] = 4.0
     grey_noise: Annotated[float, Limits(0.1, 50, "grey", "image noise after the stretch, for weights")] = 4.0
-    match_std_px: Annotated[float, Limits(0.001, 1, "px", "error of a match that no texture helps against")] = 0.05
+    match_std_px: Annotated[
+        float, Limits(0.001, 1, "px", "error of a match that no texture helps against")
+    ] = 0.05
     corner_max_std_px: Annotated[float, Limits(0.01, 2, "px", "worst predicted error of a corner")] = 0.4
     corner_px: Annotated[int, Limits(3, 41, "px", "side of the window a corner is found by")] = 5
     spacing_px: Annotated[int, Limits(0, 50, "px", "new corners keep this far from tracks")] = 7
@@ -61,21 +65,37 @@ class EstimatorOptions:
     min_tracks: Annotated[int, Limits(12, 500, "", "fewest tracks for an estimate")] = 24
     min_coverage: Annotated[float, Limits(0, 1, "", "smallest share of the image with tracks")] = 0.2
     min_roughness_tracks: Annotated[int, Limits(8, 500, "", "fewest tracks for a roughness")] = 20
-    noise_floor: Annotated[float, Limits(0.01, 1, "", "smallest track noise believed, over the predicted")] = 0.3
+    noise_floor: Annotated[
+        float, Limits(0.01, 1, "", "smallest track noise believed, over the predicted")
+    ] = 0.3
     noise_cap: Annotated[float, Limits(1, 100, "", "largest track noise believed, over the predicted")] = 10.0
     map_max_flow_px: Annotated[float, Limits(1, 200, "px", "longest flow over a baseline")] = 45.0
-    map_min_flow_px: Annotated[float, Limits(0.05, 50, "px", "smallest RMS flow an estimate is made from")] = 5.0
+    map_min_flow_px: Annotated[
+        float, Limits(0.05, 50, "px", "smallest RMS flow an estimate is made from")
+    ] = 5.0
     map_keep_tracks: Annotated[float, Limits(0, 1, "", "share of the tracks that a baseline keeps")] = 0.5
-    map_cut: Annotated[float, Limits(2, 10, "sigma", "residual beyond which a track counts as an outlier")] = 4.5
-    max_slope_std_deg: Annotated[float, Limits(0.1, 30, "deg", "uncertainty above which the slope is unknown")] = 1.0
-    motion_span_s: Annotated[float, Limits(0.02, 2, "s", "interval that the newest motion is taken from")] = 0.2
+    map_cut: Annotated[
+        float, Limits(2, 10, "sigma", "residual beyond which a track counts as an outlier")
+    ] = 4.5
+    max_slope_std_deg: Annotated[
+        float, Limits(0.1, 30, "deg", "uncertainty above which the slope is unknown")
+    ] = 1.0
+    motion_span_s: Annotated[float, Limits(0.02, 2, "s", "interval that the newest motion is taken from")] = (
+        0.2
+    )
     acceleration_std: Annotated[float, Limits(0.01, 100, "1/s^2", "usual acceleration over height")] = 2.0
     memory_s: Annotated[float, Limits(0, 30, "s", "how far back estimates are fused")] = 2.0
     drift_std_deg: Annotated[float, Limits(0, 10, "deg", "change of a plane's slope in a second")] = 0.2
     agreement: Annotated[float, Limits(1, 100, "", "chi-square at which two estimates disagree")] = 9.0
-    overlap: Annotated[float, Limits(0, 5, "", "share of a baseline after which an estimate counts as new")] = 0.5
-    systematic_std_deg: Annotated[float, Limits(0, 5, "deg", "error of a slope that no fusing removes")] = 0.05
-    keep_seen: Annotated[float, Limits(0, 1, "", "share of tracks still seen for a remembered slope to hold")] = 0.6
+    overlap: Annotated[
+        float, Limits(0, 5, "", "share of a baseline after which an estimate counts as new")
+    ] = 0.5
+    systematic_std_deg: Annotated[float, Limits(0, 5, "deg", "error of a slope that no fusing removes")] = (
+        0.05
+    )
+    keep_seen: Annotated[
+        float, Limits(0, 1, "", "share of tracks still seen for a remembered slope to hold")
+    ] = 0.6
     rotation_std_rad: Annotated[
         float, Limits(0, 0.1, "rad", "error of measured roll and pitch over a baseline")
     ] = 5e-4
@@ -86,20 +106,34 @@ class EstimatorOptions:
     slope_std: Annotated[float, Limits(0.1, 10, "", "prior of the slope tangents")] = 1.0
     restart_below: Annotated[float, Limits(0, 1, "", "inlier share at which the fit is started afresh")] = 0.6
     relief_groups: Annotated[int, Limits(0, 10, "", "baselines for tracks younger than the plane's")] = 3
-    relief_cells: Annotated[int, Limits(4, 1000, "", "cells of the view that count alike in the roughness")] = 80
+    relief_cells: Annotated[
+        int, Limits(4, 1000, "", "cells of the view that count alike in the roughness")
+    ] = 80
     relief_scale: Annotated[float, Limits(0.0005, 0.1, "", "relief that matters, over the distance")] = 0.01
     standing_sigmas: Annotated[float, Limits(1, 20, "sigma", "height at which a point stands out")] = 5.0
-    standing_height: Annotated[float, Limits(0.001, 1, "", "height over the distance that stands out")] = 0.025
+    standing_height: Annotated[float, Limits(0.001, 1, "", "height over the distance that stands out")] = (
+        0.025
+    )
+    standing_frames: Annotated[int, Limits(1, 100, "frames", "how long a point must stand out to count")] = 2
+    margin_kept: Annotated[
+        float, Limits(0, 0.5, "", "border beyond the view, over its width, still remembered")
+    ] = 0.06
     remembered: Annotated[int, Limits(0, 1000, "", "points that stood out and are remembered")] = 100
-    gross_sigmas: Annotated[float, Limits(1, 20, "sigma", "residual across the motion that unmasks an error")] = 4.0
-    max_roughness_std: Annotated[float, Limits(0.0005, 0.1, "", "uncertainty above which roughness is unknown")] = 0.01
+    gross_sigmas: Annotated[
+        float, Limits(1, 20, "sigma", "residual across the motion that unmasks an error")
+    ] = 4.0
+    max_roughness_std: Annotated[
+        float, Limits(0.0005, 0.1, "", "uncertainty above which roughness is unknown")
+    ] = 0.01
     quadratic_hypotheses: Annotated[int, Limits(1, 1000, "", "RANSAC hypotheses of a fit")] = 20
     quadratic_inlier_px: Annotated[float, Limits(0.05, 10, "px", "largest error of an inlier")] = 0.5
     quadratic_flow_px: Annotated[
         float, Limits(0.1, 50, "px", "median flow of the shortest baseline taken")
     ] = 3.0
     quadratic_max_gap: Annotated[int, Limits(1, 60, "frames", "longest baseline")] = 12
-    quadratic_min_flow: Annotated[float, Limits(0.001, 1, "1/s", "ventral flow for first-order slopes")] = (0.04)
+    quadratic_min_flow: Annotated[float, Limits(0.001, 1, "1/s", "ventral flow for first-order slopes")] = (
+        0.04
+    )
     quadratic_min_divergence: Annotated[
         float, Limits(0.001, 1, "1/s", "divergence for second-order slopes")
     ] = 0.04

@@ -49,7 +49,7 @@ class SurfacePipeline:
         self.estimator = ESTIMATORS[options.estimator.method](
             options.estimator, camera.focal_px, options.tracking.max_features
         )
-        self.relief = ReliefMap(options.estimator, camera)
+        self.relief = ReliefMap(options.estimator, camera, options.tracking.max_features)
         self._motion: tuple[Array, Array] | None = None
         self._last_s = -math.inf
 

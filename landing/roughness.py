@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from landing.camera import CameraModel
-from landing.motion import displacement
+from landing.motion import displacement, rotation_flow
 from landing.options import EstimatorOptions
 from landing.plane import Plane
 from landing.views import Baseline, Views
@@ -48,10 +48,12 @@ class ReliefMap:
     no longer tracked, near the border or behind a step, still counts.
     """
 
-    def __init__(self, options: EstimatorOptions, camera: CameraModel) -> None:
+    def __init__(self, options: EstimatorOptions, camera: CameraModel, capacity: int) -> None:
         self.options, self.camera = options, camera
         self._points = np.empty((0, 2))
         self._heights = np.empty(0)
+        self._streak = np.zeros(capacity, np.int64)
+        self._born = np.full(capacity, -1, np.int64)
         self._cell_px = math.sqrt(camera.width * camera.height / options.relief_cells)
         self._columns = math.ceil(camera.width / self._cell_px)
 
@@ -66,7 +68,8 @@ class ReliefMap:
         self._points, self._heights = p[ahead, :2] / p[ahead, 2:], self._heights[ahead]
         pixel = self.camera.project(self._points)
         size = (self.camera.width, self.camera.height)
-        inside = ((pixel >= 0) & (pixel < size)).all(axis=1)
+        margin = self.options.margin_kept * self.camera.width
+        inside = ((pixel >= -margin) & (pixel < np.array(size) + margin)).all(axis=1)
         self._points, self._heights = self._points[inside], self._heights[inside]
 
     def step(self, views: Views, plane: Plane) -> Relief | None:
@@ -77,7 +80,7 @@ class ReliefMap:
         height, std, older, older_std, gross = self._measure(views, plane)
         slots = np.flatnonzero(np.isfinite(height))
         h, s, h2, s2 = height[slots], std[slots], older[slots], older_std[slots]
-        standing = int((np.abs(h) > np.maximum(o.standing_height, o.standing_sigmas * s)).sum())
+        standing = self._standing(tracker.born, slots, h, s)
         unknown = Relief(slots, h, s, math.nan, math.nan, gross, standing)
         if len(slots) < o.min_roughness_tracks:
             return unknown
@@ -116,7 +119,7 @@ class ReliefMap:
             baseline = views.baseline(gap, before)
             # the same plane, in the axes of the frame where the baseline begins
             normal = plane.normal if before == 0 else turned(plane.normal, views.rotation(before))
-            measured = heights(baseline, normal, weight, o.noise_floor, o.gross_sigmas)
+            measured = heights(baseline, normal, weight, self._rotation_std(baseline), o)
             if measured is None:
                 continue
             slots = baseline.tracks.slots
@@ -127,12 +130,33 @@ class ReliefMap:
         height[wrong] = math.nan
         return height, std, older, older_std, int(wrong.sum())
 
+    def _standing(self, born: NDArray[np.int64], slots: NDArray[np.intp], h: Array, s: Array) -> int:
+        """How many tracks have stood out for some frames on end; what does not last is a tracking error."""
+        o = self.options
+        stands = np.zeros(len(born), bool)
+        stands[slots] = np.abs(h) > np.maximum(o.standing_height, o.standing_sigmas * s)
+        self._streak = np.where(stands & (born == self._born), self._streak + 1, stands.astype(np.int64))
+        self._born = born.copy()
+        return int((self._streak >= o.standing_frames).sum())
+
+    def _rotation_std(self, baseline: Baseline) -> Array:
+        o = self.options
+        return np.hypot((o.rotation_std_rad, o.rotation_std_rad, o.yaw_std_rad), baseline.rotation_std_rad)
+
     def _cell(self, pixel: Array) -> NDArray[np.int64]:
-        place = np.clip(pixel // self._cell_px, 0, 1000).astype(np.int64)
+        last = (self.camera.width - 1, self.camera.height - 1)
+        place = (np.clip(pixel, 0, last) // self._cell_px).astype(np.int64)
         return place[:, 1] * self._columns + place[:, 0]
 
     def _remember(
-        self, views: Views, slots: NDArray[np.intp], h: Array, s: Array, h2: Array, s2: Array, cell: NDArray[np.int64]
+        self,
+        views: Views,
+        slots: NDArray[np.intp],
+        h: Array,
+        s: Array,
+        h2: Array,
+        s2: Array,
+        cell: NDArray[np.int64],
     ) -> None:
         """Add the points that stand out twice, forget those where the ground is now measured as even."""
         o = self.options
@@ -171,30 +195,37 @@ def heights(
     baseline: Baseline,
     normal: Array,
     weight: Array,
-    noise_floor: float,
-    gross_sigmas: float,
+    rotation_std: Array,
+    options: EstimatorOptions,
 ) -> tuple[Array, Array, NDArray[np.bool_]] | None:
     """Height over the plane (n,) over the distance along the axis, its standard deviation, and gross errors.
 
-    ``weight`` as in ``velocity``.
+    ``weight`` as in ``velocity``, ``rotation_std`` (3,) rad what the measured rotation may be wrong by.
     """
     tracks, derotated = baseline.tracks, baseline.derotated_old
-    found = displacement(tracks.new, derotated[None], normal, tracks.whitener, weight[tracks.slots])
+    found = displacement(
+        tracks.new, derotated[None], normal, tracks.whitener, weight[tracks.slots], rotation_std
+    )
     if found is None:
         return None
-    t = found[0][0]
+    t, turn = found[0][0, :3], found[0][0, 3:]
     depth = normal[2] + tracks.new @ normal[:2]
     # (x' - x) = d (1 + e) (x' tz - tx): linear in the height e as well
     direction = depth[:, None] * (derotated * t[2] - t[:2])
     residual = derotated - tracks.new - direction
+    for angle, (u, v) in zip(turn, rotation_flow(derotated[:, 0], derotated[:, 1]), strict=True):
+        residual[:, 0] -= angle * u
+        residual[:, 1] -= angle * v
     c11, c12, c22 = tracks.whitener
     g = np.stack((c11 * direction[:, 0] + c12 * direction[:, 1], c22 * direction[:, 1]))
     r = np.stack((c11 * residual[:, 0] + c12 * residual[:, 1], c22 * residual[:, 1]))
     information = g[0] ** 2 + g[1] ** 2
     length = np.sqrt(np.maximum(information, 1e-12))
     across = (g[0] * r[1] - g[1] * r[0]) / length
-    noise = max(float(np.partition(np.abs(across), len(across) // 2)[len(across) // 2]) * 1.4826, noise_floor)
+    noise = max(
+        float(np.partition(np.abs(across), len(across) // 2)[len(across) // 2]) * 1.4826, options.noise_floor
+    )
     scale = 1.0 / math.sqrt(float(normal @ normal))
     height = (g[0] * r[0] + g[1] * r[1]) / np.maximum(information, 1e-12) * scale
     std = noise / length * scale
-    return height, std, np.abs(across) > gross_sigmas * noise
+    return height, std, np.abs(across) > options.gross_sigmas * noise

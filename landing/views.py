@@ -114,7 +114,7 @@ class Views:
 
         The gaps grow by about a fifth; the flow is measured on about ``sample`` tracks, the oldest first.
         """
-        gaps = _GAPS[_GAPS <= self.longest]
+        gaps = _GAPS[self.longest >= _GAPS]
         tracker = self.tracker
         slots = np.flatnonzero(tracker.alive)
         born = tracker.born[slots]
