@@ -31,6 +31,15 @@ class Processed:
 Output = Message | LandRequest | Processed
 
 
+def observation_of(ready: ReadyFrame) -> Observation:
+    """What the pipeline is given for a frame."""
+    frame, attitude, time_s = ready.frame, ready.attitude, ready.time_us * 1e-6
+    if not isinstance(attitude, BodyAttitude):
+        return Observation(frame.number, time_s, frame.image)
+    rotation, std = attitude.ned_from_body, attitude.rotation_std
+    return Observation(frame.number, time_s, frame.image, rotation, std, ready.velocity_ned)
+
+
 class Core:
     """Samples in order of arrival in, outputs out; the same samples give the same outputs, bit for bit.
 
@@ -117,13 +126,9 @@ class Core:
             self._health.refuse("frames", "image_size")
             self._no_estimate(frame, ready.exposure_us, "image_size", out)
             return
-        time_s = ready.time_us * 1e-6
-        if isinstance(attitude, BodyAttitude):
-            rotation, std = attitude.ned_from_body, attitude.rotation_std
-            observation = Observation(frame.number, time_s, frame.image, rotation, std, ready.velocity_ned)
-        else:
+        if not isinstance(attitude, BodyAttitude):
             self._health.counters[f"frames without attitude: {attitude}"] += 1
-            observation = Observation(frame.number, time_s, frame.image)
+        observation = observation_of(ready)
         self._watch_attitude(ready, out)
         estimate = self._pipeline.step(observation)
         self._health.counters[f"estimates {estimate.status}"] += 1
