@@ -6,6 +6,7 @@ import socket
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 from drivers.errors import DriverError
@@ -106,7 +107,7 @@ class UdpServer:
 
     def write(self, data: bytes) -> None:
         for peer in [self._believed] if self._believed else self._recent():
-            _send(lambda peer=peer: self._socket.sendto(data, peer))
+            _send(partial(self._socket.sendto, data, peer))
 
     def _recent(self) -> list[tuple[str, int]]:
         now = time.monotonic()

@@ -114,5 +114,14 @@ class Refusal:
 
 
 Sample = (
-    Frame | Attitude | AngularRate | Velocity | Heartbeat | LandedState | RcChannels | ClockOffset | CommandAnswer | Refusal
+    Frame
+    | Attitude
+    | AngularRate
+    | Velocity
+    | Heartbeat
+    | LandedState
+    | RcChannels
+    | ClockOffset
+    | CommandAnswer
+    | Refusal
 )

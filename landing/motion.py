@@ -47,7 +47,7 @@ def displacement(
     if rotation_std is not None:
         matrix[:, (3, 4, 5), (3, 4, 5)] += rotation_std**-2.0
     try:
-        inverse = np.linalg.inv(matrix)
+        inverse: Array = np.linalg.inv(matrix).astype(np.float64, copy=False)
     except np.linalg.LinAlgError:
         return None
     return (inverse @ product[:, :unknowns, unknowns:])[..., 0], inverse

@@ -125,6 +125,9 @@ class EstimatorOptions:
     max_roughness_std: Annotated[
         float, Limits(0.0005, 0.1, "", "uncertainty above which roughness is unknown")
     ] = 0.01
+    max_height_std: Annotated[
+        float, Limits(0.01, 1, "", "relative uncertainty above which height is unknown")
+    ] = 0.3
     quadratic_hypotheses: Annotated[int, Limits(1, 1000, "", "RANSAC hypotheses of a fit")] = 20
     quadratic_inlier_px: Annotated[float, Limits(0.05, 10, "px", "largest error of an inlier")] = 0.5
     quadratic_flow_px: Annotated[

@@ -12,6 +12,7 @@ from landing.camera import CameraModel
 from landing.decision import against_flat
 from landing.errors import LandingError
 from landing.estimate import SurfaceEstimate, TrackView
+from landing.height import height
 from landing.map_estimator import MapEstimator
 from landing.observation import Observation
 from landing.options import EstimatorOptions, Options
@@ -37,7 +38,7 @@ ESTIMATORS: dict[str, Callable[[EstimatorOptions, float, int], Estimator]] = {
     "quadratic": QuadraticEstimator,
     "map": MapEstimator,
 }
-"""Methods by the name that ``estimator.method`` takes: (options, focal_px, capacity) -> object with step(Views) -> Plane."""
+"""Methods by the name that ``estimator.method`` takes, each made from (options, focal_px, capacity)."""
 
 
 class SurfacePipeline:
@@ -134,8 +135,11 @@ class SurfacePipeline:
                 pitch if o.use_attitude else 0.0,
                 math.radians(o.attitude_std_deg),
             )
+            height_m, height_std_m = self._height(observation, plane)
             estimate = replace(
                 estimate,
+                height_m=height_m,
+                height_std_m=height_std_m,
                 slope_x_deg=deg(math.atan(plane.a)),
                 slope_y_deg=deg(math.atan(plane.b)),
                 slope_x_std_deg=deg(float(std[0]) / (1 + plane.a**2)),
@@ -153,6 +157,14 @@ class SurfacePipeline:
             )
         reasons = against_flat(estimate, self.options.decision)
         return replace(estimate, flat=not reasons, against_flat=reasons)
+
+    def _height(self, observation: Observation, plane: Plane) -> tuple[float, float]:
+        ned_from_camera = self.views.newest.ned_from_camera
+        if observation.velocity_ned is None or ned_from_camera is None:
+            return math.nan, math.nan
+        velocity = ned_from_camera.T @ observation.velocity_ned
+        limit = self.options.estimator.max_height_std
+        return height(velocity, observation.velocity_std, plane.omega, plane.omega_std, limit)
 
     def _track_view(self, plane: Plane, relief_: Relief | None) -> TrackView:
         tracker = self.views.tracker

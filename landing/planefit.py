@@ -82,9 +82,9 @@ def fit_plane(
 ) -> PlaneFit | None:
     """Fit the plane to tracks ``new`` and ``old`` (n, 2), normalised coordinates of two frames.
 
-    ``whitener`` (3, n) as in ``TrackPair``. ``start`` is (t, a, b); without it the fit starts from a robust homography. None with fewer than eight
-    tracks or when no homography explains them. Tukey weights on the length of each residual, cut at ``cut``
-    times the noise, which is estimated along the way (median, then the inliers').
+    ``whitener`` (3, n) as in ``TrackPair``. ``start`` is (t, a, b); without it the fit starts from a robust
+    homography. None with fewer than eight tracks or when no homography explains them. Tukey weights on the length
+    of each residual, cut at ``cut`` times the noise, which is estimated along the way (median, then the inliers').
     """
     if len(new) < PARAMETERS:
         return None
@@ -122,7 +122,7 @@ def fit_plane(
     weight = problem.weights(residual, noise, cut)
     hessian, _ = problem.normal_equations(x, residual, weight, noise)
     try:
-        covariance = np.linalg.inv(hessian)
+        covariance: Array = np.linalg.inv(hessian).astype(np.float64)
     except np.linalg.LinAlgError:
         return None
     return PlaneFit(

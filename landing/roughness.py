@@ -143,7 +143,7 @@ class ReliefMap:
         o = self.options
         return np.hypot((o.rotation_std_rad, o.rotation_std_rad, o.yaw_std_rad), baseline.rotation_std_rad)
 
-    def _cell(self, pixel: Array) -> NDArray[np.int64]:
+    def _cell(self, pixel: NDArray[np.floating]) -> NDArray[np.int64]:
         last = (self.camera.width - 1, self.camera.height - 1)
         place = (np.clip(pixel, 0, last) // self._cell_px).astype(np.int64)
         return place[:, 1] * self._columns + place[:, 0]

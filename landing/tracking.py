@@ -2,8 +2,8 @@
 
 Each track is matched against the image where it was found, its anchor, and not against the frame before, so that
 errors do not add up; it gets a new anchor when the old one looks too different or is one too many. Corners are
-added in the empty cells of the grid as the view moves on. The positions of the last frames stay in a ring, so an estimator can
-take any gap between two frames without tracking again.
+added in the empty cells of the grid as the view moves on. The positions of the last frames stay in a ring, so an
+estimator can take any gap between two frames without tracking again.
 """
 
 from dataclasses import dataclass
