@@ -67,6 +67,11 @@ class CameraModel:
     def project(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
         """Pixels (n, 2) of normalised coordinates (n, 2)."""
         points = np.asarray(points, np.float64)
+        if len(points) and self.distortion[12:].any():
+            # a tilted sensor is rare: OpenCV's slower way
+            space = np.column_stack((points, np.ones(len(points))))
+            pixels, _ = cv2.projectPoints(space, np.zeros(3), np.zeros(3), self.matrix, self.distortion)
+            return pixels.reshape(-1, 2)
         x, y = points[:, 0], points[:, 1]
         k = np.zeros(12)
         k[: min(12, self.distortion.size)] = self.distortion[:12]

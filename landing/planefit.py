@@ -24,6 +24,8 @@ _TRUNCATION = 2.5**2 / 2
 _SHARE = 1 - _TRUNCATION * math.exp(-_TRUNCATION) / (1 - math.exp(-_TRUNCATION))
 """Mean of a chi-square of two degrees cut at 2.5 sigma, over two."""
 
+_SCALE_ROUNDS, _SCALE_SETTLED = 4, 0.01
+
 PARAMETERS = 8
 """t (3), a, b, d (3): the order of ``PlaneFit.covariance``."""
 
@@ -76,7 +78,7 @@ def fit_plane(
     whitener: Array,
     prior: FitPrior,
     start: tuple[Array, float, float] | None = None,
-    cut: float = 4.5,
+    cut: float = 5.0,
     iterations: int = 15,
     tolerance: float = 5e-5,
 ) -> PlaneFit | None:
@@ -207,10 +209,15 @@ class _Problem:
         length2 = residual[0] ** 2 + residual[1] ** 2
         noise2 = float(np.partition(length2, len(length2) // 2)[len(length2) // 2]) / _MEDIAN
         if refine:
-            inside = length2[length2 < noise2 * 2 * _TRUNCATION]
-            if len(inside) > PARAMETERS:
+            # with half the tracks wrong the median is far too large: again until what is inside agrees
+            for _ in range(_SCALE_ROUNDS):
+                inside = length2[length2 < noise2 * 2 * _TRUNCATION]
+                if len(inside) <= PARAMETERS:
+                    break
                 # about three of the eight parameters' degrees of freedom come off the pairs within the cut
-                noise2 = float(inside.sum()) / (2 * _SHARE * max(len(inside) - 3.0, 1.0))
+                last, noise2 = noise2, float(inside.sum()) / (2 * _SHARE * max(len(inside) - 3.0, 1.0))
+                if abs(noise2 - last) < _SCALE_SETTLED * last:
+                    break
         floor, cap = self.prior.noise_floor, self.prior.noise_cap
         return float(min(max(math.sqrt(noise2), floor), cap))
 

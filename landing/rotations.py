@@ -66,5 +66,5 @@ def log_so3(rotation: Matrix) -> NDArray[np.float64]:
         return w
     axis = np.sqrt(np.maximum(np.diag(r) + 1, 0) / 2)
     largest = int(np.argmax(axis))
-    axis = np.copysign(axis, r[largest] + r[:, largest])
+    axis = np.copysign(axis, (r + np.eye(3))[largest])
     return axis * (angle / np.linalg.norm(axis))

@@ -53,7 +53,7 @@ def surface_in_ned(
     var_along = float(along @ tilt @ along) / cos2 + var_attitude
     var_across = float(across @ tilt @ across) + var_attitude
     # E[(|s + e| - s)^2] between the two limits: s = 0 gives both variances, large s the one along the slope
-    share = var_across / (var_across + horizontal**2)
+    share = var_across / (var_across + horizontal**2) if var_across > 0 else 0.0
     std = math.sqrt(var_along + share * var_across)
     return math.degrees(inclination), math.degrees(std), math.degrees(math.atan2(-down[1], -down[0])) % 360
 
