@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 
 NEAR_M = 1e-3
-EDGE = np.float32(3e-7)
+EDGE = np.float32(5e-7)
 """Slack of the edge test, so that rounding leaves no crack between neighbours."""
 
 
@@ -48,6 +48,8 @@ class Renderer:
         self._shader = Shader(world, texture_size, texture_seed)
         self._x, self._y = lens.rays()
         self._sx, self._sy = lens.rays(self.samples) if self.samples > 1 else (self._x, self._y)
+        # Without distortion a column of rays has one x and a row one y: products of vectors, not of pictures.
+        self._straight = not np.any(lens.distortion) and lens.matrix[0, 1] == 0
         every = slice((self.samples - 1) // 2, None, self.samples)
         self._middle = (every, every)
         # Bounds of the rays of a column and up to it (of a row ...), rising, to look facets' bounds up in.
@@ -182,16 +184,15 @@ class Renderer:
         for k, (top, bottom, left, right), (a, b, c), sides, cuts in zip(
             index, bounds.tolist(), inverse, edges, cutting, strict=True
         ):
-            sx, sy = self._sx[top:bottom, left:right], self._sy[top:bottom, left:right]
+            if self._straight:
+                sx, sy = self._sx[:1, left:right], self._sy[top:bottom, :1]
+            else:
+                sx, sy = self._sx[top:bottom, left:right], self._sy[top:bottom, left:right]
             part = (slice(top - first, bottom - first), slice(left, right))
-            value = a * sx
-            value += b * sy
-            value += c
+            value = a * sx + (b * sy + c)
             closer = value > nearest[part]
             for p, q, r in sides[cuts]:
-                side = p * sx
-                side += q * sy
-                closer &= side >= -r - EDGE
+                closer &= p * sx >= (-r - EDGE) - q * sy
             np.copyto(nearest[part], value, where=closer)
             np.copyto(ids[part], np.int32(k), where=closer)
         return ids
