@@ -34,6 +34,7 @@ COMMANDS = {
         "companion.calibrate_command",
         "calibrate the camera, print a board, measure its time offset",
     ),
+    "benchmark": ("companion.benchmark_command", "measure what a frame costs on this machine"),
     "doctor": ("companion.doctor_command", "look at camera, link, clocks and disk before a flight"),
 }
 """Name -> (module with add_arguments(parser) and run(args) -> exit code, one line of help)."""
