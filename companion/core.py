@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from companion.attitude import BodyAttitude
 from companion.events import event
+from companion.frozen_camera import FrozenCamera
 from companion.health import HealthMonitor
 from companion.judge import Judge, LandRequest
 from companion.messages import Message, estimate_message
@@ -55,6 +56,7 @@ class Core:
         )
         self._sync = Synchroniser(settings, telemetry)
         self._health = HealthMonitor(settings.health, telemetry)
+        self._frozen = FrozenCamera(settings.health, camera)
         self._judge = Judge(settings, self._health)
         self._health_period_us = round(settings.health.period_s * 1e6)
         self._health_due_us: int | None = None
@@ -131,6 +133,8 @@ class Core:
         observation = observation_of(ready)
         self._watch_attitude(ready, out)
         estimate = self._pipeline.step(observation)
+        if self._watch_picture(observation, ready, out):
+            estimate = SurfaceEstimate(frame.number, estimate.time_s, "camera_frozen", estimate.method)
         self._health.counters[f"estimates {estimate.status}"] += 1
         boot_s = None if ready.boot_us is None else ready.boot_us * 1e-6
         out.append(estimate_message(estimate, ready.exposure_us, boot_s, self._calibrated))
@@ -151,6 +155,17 @@ class Core:
             if not first:
                 name, text = ("attitude_back", "") if known else ("attitude_lost", _words(reason))
                 out.append(event(name, ready.frame.number, ready.exposure_us, text))
+
+    def _watch_picture(self, seen: Observation, ready: ReadyFrame, out: list[Output]) -> bool:
+        """Whether the camera is frozen, as far as the attitude shows it; changes are told."""
+        if seen.ned_from_body is None:
+            return self._frozen.frozen
+        before = self._frozen.frozen
+        frozen = self._frozen.step(seen.time_s, seen.image, seen.ned_from_body)
+        if frozen != before:
+            self._health.camera_frozen = frozen
+            out.append(event("camera_frozen" if frozen else "camera_moves", seen.frame, ready.exposure_us))
+        return frozen
 
     def _tell(self, notice: Notice, out: list[Output]) -> None:
         if notice.name == "autopilot_rebooted":

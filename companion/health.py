@@ -88,6 +88,7 @@ class HealthMonitor:
         self._told_us: int | None = None
         self.counters: Counter[str] = Counter()
         self.vehicles_clash = False
+        self.camera_frozen = False
 
     def count(self, sample: Sample, now_us: int) -> None:
         """Take note of one sample."""
@@ -131,6 +132,8 @@ class HealthMonitor:
                 found.append(f"{words}: none for {(now_us - entry.newest_us) * 1e-6:.1f} s")
         if self.telemetry and not settled:
             found.append("clocks: the autopilot's time is not known yet")
+        if self.camera_frozen:
+            found.append("camera: the picture stands still while the vehicle turns")
         if self.vehicles_clash:
             found.append("two vehicles on the link: set vehicle.system_id")
         return tuple(found)
@@ -157,7 +160,13 @@ class HealthMonitor:
         self._told_us = now_us
         problems = self.problems(now_us, settled)
         failed = any(inputs[name].state != "ok" for name in VITAL if name in self._expected)
-        state = "failed" if failed or self.vehicles_clash else "degraded" if problems else "ok"
+        state = (
+            "failed"
+            if failed or self.vehicles_clash or self.camera_frozen
+            else "degraded"
+            if problems
+            else "ok"
+        )
         return Health(
             time_unix_us=time_unix_us,
             state=state,

@@ -152,6 +152,18 @@ class HealthSettings:
     heartbeat_max_age_s: Annotated[float, Limits(1, 30, "s", "oldest heartbeat of a live autopilot")] = 3.0
     landed_state_max_age_s: Annotated[float, Limits(0.2, 30, "s", "oldest landed state believed")] = 3.0
     period_s: Annotated[float, Limits(0.1, 10, "s", "how often health is told")] = 1.0
+    frozen_window_s: Annotated[
+        float, Limits(0.1, 5, "s", "span over which the picture must move as the vehicle turns")
+    ] = 1.0
+    frozen_turn_px: Annotated[
+        float, Limits(1, 100, "px", "motion by rotation from which a picture that stands still is noticed")
+    ] = 4.0
+    frozen_share: Annotated[
+        float, Limits(0.01, 0.9, "", "share of the change by that rotation which counts as standing still")
+    ] = 0.25
+    frozen_witnesses: Annotated[
+        int, Limits(1, 100, "", "such pictures in a row that make a camera frozen")
+    ] = 5
 
 
 @dataclass(frozen=True, slots=True)
