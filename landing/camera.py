@@ -62,7 +62,7 @@ class CameraModel:
             return np.empty((0, 2))
         points = np.ascontiguousarray(points_px, np.float64).reshape(-1, 1, 2)
         found = cv2.undistortPoints(points, self.matrix, self.distortion, None, None, None, _UNDISTORT)
-        return found.reshape(-1, 2).astype(np.float64, copy=False)
+        return np.asarray(found, np.float64).reshape(-1, 2)
 
     def project(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
         """Pixels (n, 2) of normalised coordinates (n, 2)."""

@@ -22,7 +22,10 @@ class TrackingOptions:
     window_px: Annotated[int, Limits(5, 41, "px", "side of the Lucas-Kanade window")] = 15
     levels: Annotated[
         int, Limits(0, 5, "", "pyramid levels above the image where the motion is predicted")
-    ] = 1
+    ] = 0
+    retry_share: Annotated[
+        float, Limits(0, 1, "", "share of tracks lost at which a prediction counts as wrong")
+    ] = 0.2
     levels_unpredicted: Annotated[int, Limits(0, 5, "", "pyramid levels above the image where it is not")] = 3
     blur_px: Annotated[float, Limits(0, 3, "px", "sigma of a blur before tracking")] = 0.0
     contrast: Annotated[
@@ -40,7 +43,9 @@ class TrackingOptions:
     twin_px: Annotated[float, Limits(1, 50, "px", "tracks as near as this are one")] = 5.0
     renew_below: Annotated[float, Limits(0, 1, "", "share of tracks left at which corners are added")] = 0.75
     renew_after_frames: Annotated[int, Limits(1, 1000, "frames", "oldest reference image")] = 15
-    renew_after_px: Annotated[float, Limits(1, 1000, "px", "motion after which corners are added")] = 6.0
+    renew_after_cells: Annotated[float, Limits(0.05, 10, "cells", "motion after which corners are added")] = (
+        0.3
+    )
     renew_after_growth: Annotated[
         float, Limits(0.01, 1, "", "largest growth or turn (rad) from the reference")
     ] = 0.06
@@ -61,8 +66,7 @@ class EstimatorOptions:
     use_attitude: Annotated[bool, "take the vehicle's attitude out of the slopes"] = True
     attitude_std_deg: Annotated[
         float, Limits(0, 10, "deg", "error of the autopilot's roll and pitch, one sigma")
-    ] = 0.2
-    min_tracks: Annotated[int, Limits(12, 500, "", "fewest tracks for an estimate")] = 24
+    ] = 0.22min_tracks: Annotated[int, Limits(12, 500, "", "fewest tracks for an estimate")] = 24
     min_coverage: Annotated[float, Limits(0, 1, "", "smallest share of the image with tracks")] = 0.2
     min_roughness_tracks: Annotated[int, Limits(8, 500, "", "fewest tracks for a roughness")] = 20
     noise_floor: Annotated[
@@ -106,6 +110,7 @@ class EstimatorOptions:
     slope_std: Annotated[float, Limits(0.1, 10, "", "prior of the slope tangents")] = 1.0
     restart_below: Annotated[float, Limits(0, 1, "", "inlier share at which the fit is started afresh")] = 0.6
     relief_groups: Annotated[int, Limits(0, 10, "", "baselines for tracks younger than the plane's")] = 3
+    relief_group_tracks: Annotated[int, Limits(1, 100, "", "fewest tracks worth a baseline of their own")] = 3
     relief_cells: Annotated[
         int, Limits(4, 1000, "", "cells of the view that count alike in the roughness")
     ] = 80

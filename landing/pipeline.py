@@ -171,12 +171,9 @@ class SurfacePipeline:
         slots = plane.slots if len(plane.slots) else np.flatnonzero(tracker.alive)
         inlier = plane.inlier if len(plane.slots) else np.zeros(len(slots), bool)
         gap = min(plane.gap or 1, tracker.longest())
-        old = tracker.history[(tracker.frame - gap) % tracker.HISTORY, slots]
-        seen = np.isfinite(old).all(axis=1)
         now = tracker.pixels[slots].astype(np.float64)
-        before = now.copy()
-        if seen.any():
-            before[seen] = self.camera.project(old[seen])
+        before = tracker.pixel_history[(tracker.frame - gap) % tracker.HISTORY, slots].astype(np.float64)
+        before = np.where(np.isfinite(before), before, now)
         height = np.full(len(slots), math.nan)
         if relief_ is not None:
             everywhere = np.full(len(tracker.alive), math.nan)

@@ -80,7 +80,7 @@ def fit_plane(
     start: tuple[Array, float, float] | None = None,
     cut: float = 5.0,
     iterations: int = 15,
-    tolerance: float = 5e-5,
+    tolerance: float = 2e-3,
 ) -> PlaneFit | None:
     """Fit the plane to tracks ``new`` and ``old`` (n, 2), normalised coordinates of two frames.
 
@@ -111,13 +111,14 @@ def fit_plane(
             if problem.cost(tried, r, noise, cut) <= cost * (1 + 1e-9) + 1e-9 or damping > 1e4:
                 break
             damping = max(1e-3, damping * 10)
-        step = tried - x
+        # Newton's decrement: twice the cost still to be gained, in units of the noise
+        decrement = float(gradient @ (tried - x))
         x, residual = tried, r
         damping = damping / 10 if damping > 1e-3 else 0.0
         if iteration < 2:
             # the scale settles first: a cost that changes under way does not converge
             noise = problem.scale(residual, True)
-        if iteration and float(np.abs(step).max()) < tolerance:
+        if iteration and abs(decrement) < tolerance:
             converged = True
             break
     noise = problem.scale(residual, True)
@@ -156,7 +157,7 @@ class _Problem:
         self.precision = np.full(PARAMETERS, prior.displacement_std**-2.0)
         self.precision[3:5] = prior.slope_std**-2.0
         self.precision[5:] = prior.rotation_std**-2.0
-        self.jacobian = np.empty((PARAMETERS, 2, n))
+        self.jacobian = np.empty((2, PARAMETERS, n))
         self.at: Array | None = None
 
     def residual(self, x: Array) -> Array:
@@ -165,43 +166,37 @@ class _Problem:
         self.rotation = self.rotation0 @ exp_so3(x[5:])
         self.depth = 1.0 - x[3] * p[0] - x[4] * p[1]
         self.seen = p - x[:3, None] * self.depth
-        out = self.rotation @ self.seen
-        self.inverse = 1.0 / out[2]
-        self.projected = out[:2] * self.inverse
+        there = self.rotation @ self.seen
+        self.inverse = 1.0 / there[2]
+        self.projected = there[:2] * self.inverse
         raw = self.q - self.projected
         self.raw = raw
-        return np.stack((self.c11 * raw[0] + self.c12 * raw[1], self.c22 * raw[1]))
+        out = np.empty_like(raw)
+        np.multiply(self.c11, raw[0], out=out[0])
+        out[0] += self.c12 * raw[1]
+        np.multiply(self.c22, raw[1], out=out[1])
+        return out
 
     def normal_equations(self, x: Array, residual: Array, weight: Array, noise: float) -> tuple[Array, Array]:
         """Gauss-Newton matrix (8, 8) and right-hand side (8,) at the last ``residual`` call's point."""
         if self.at is not x:
             self.residual(x)
-        rotation, inverse = self.rotation, self.inverse
-        u, v = self.projected
-        j = self.jacobian
-        # rows of d projection / d seen, (2, 3, n)
-        gu = (rotation[0][:, None] - rotation[2][:, None] * u) * inverse
-        gv = (rotation[1][:, None] - rotation[2][:, None] * v) * inverse
-        gt_u = x[0] * gu[0] + x[1] * gu[1] + x[2] * gu[2]
-        gt_v = x[0] * gv[0] + x[1] * gv[1] + x[2] * gv[2]
-        j[0:3, 0] = -gu * self.depth
-        j[0:3, 1] = -gv * self.depth
-        j[3, 0], j[3, 1] = gt_u * self.p[0], gt_v * self.p[0]
-        j[4, 0], j[4, 1] = gt_u * self.p[1], gt_v * self.p[1]
-        s = self.seen
-        for row, g in enumerate((gu, gv)):
-            j[5, row] = g[2] * s[1] - g[1] * s[2]
-            j[6, row] = g[0] * s[2] - g[2] * s[0]
-            j[7, row] = g[1] * s[0] - g[0] * s[1]
-        j[:, 0] *= self.c11
-        j[:, 0] += self.c12 * j[:, 1]
-        j[:, 1] *= self.c22
-        w = weight / noise**2
-        flat = j.reshape(PARAMETERS, -1)
-        weighted = (j * w).reshape(PARAMETERS, -1)
-        hessian = weighted @ flat.T
-        hessian[np.diag_indices(PARAMETERS)] += self.precision
-        gradient = weighted @ residual.ravel() - self.precision * x
+        rotation, seen, j = self.rotation, self.seen, self.jacobian
+        # d projection / d seen, whitened: (2, 3, n)
+        g = (rotation[:2, :, None] - rotation[2][:, None] * self.projected[:, None]) * self.inverse
+        g[0] *= self.c11
+        g[0] += self.c12 * g[1]
+        g[1] *= self.c22
+        np.multiply(g, -self.depth, out=j[:, 0:3])
+        along = x[0] * g[:, 0] + x[1] * g[:, 1] + x[2] * g[:, 2]
+        np.multiply(along[:, None], self.p[:2], out=j[:, 3:5])
+        j[:, 5] = g[:, 2] * seen[1] - g[:, 1] * seen[2]
+        j[:, 6] = g[:, 0] * seen[2] - g[:, 2] * seen[0]
+        j[:, 7] = g[:, 1] * seen[0] - g[:, 0] * seen[1]
+        weighted = j * (weight / noise**2)
+        hessian = weighted[0] @ j[0].T + weighted[1] @ j[1].T
+        hessian.ravel()[:: PARAMETERS + 1] += self.precision
+        gradient = weighted[0] @ residual[0] + weighted[1] @ residual[1] - self.precision * x
         return hessian, gradient
 
     def scale(self, residual: Array, refine: bool) -> float:

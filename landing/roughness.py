@@ -177,8 +177,9 @@ class ReliefMap:
     def _baselines(self, views: Views, half: int) -> list[tuple[int, int]]:
         """(gap, before): two baselines end to end, then shorter ones for the tracks that are younger."""
         tracker = views.tracker
-        ages = tracker.frame - np.unique(tracker.born[tracker.alive])
-        younger = sorted((int(age) for age in ages if 1 <= age < half), reverse=True)
+        ages, counts = np.unique(tracker.frame - tracker.born[tracker.alive], return_counts=True)
+        enough = (ages >= 1) & (ages < half) & (counts >= self.options.relief_group_tracks)
+        younger = sorted((int(age) for age in ages[enough]), reverse=True)
         twice = [(half, half)] if 2 * half <= views.longest else []
         return [(half, 0), *twice, *((age, 0) for age in younger[: self.options.relief_groups])]
 
@@ -213,12 +214,11 @@ def heights(
     # (x' - x) = d (1 + e) (x' tz - tx): linear in the height e as well
     direction = depth[:, None] * (derotated * t[2] - t[:2])
     residual = derotated - tracks.new - direction
-    for angle, (u, v) in zip(turn, rotation_flow(derotated[:, 0], derotated[:, 1]), strict=True):
-        residual[:, 0] -= angle * u
-        residual[:, 1] -= angle * v
+    rotation = np.array(rotation_flow(derotated[:, 0], derotated[:, 1]))
+    residual -= np.tensordot(turn, rotation, 1).T
     c11, c12, c22 = tracks.whitener
-    g = np.stack((c11 * direction[:, 0] + c12 * direction[:, 1], c22 * direction[:, 1]))
-    r = np.stack((c11 * residual[:, 0] + c12 * residual[:, 1], c22 * residual[:, 1]))
+    g = np.array((c11 * direction[:, 0] + c12 * direction[:, 1], c22 * direction[:, 1]))
+    r = np.array((c11 * residual[:, 0] + c12 * residual[:, 1], c22 * residual[:, 1]))
     information = g[0] ** 2 + g[1] ** 2
     length = np.sqrt(np.maximum(information, 1e-12))
     across = (g[0] * r[1] - g[1] * r[0]) / length

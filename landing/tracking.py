@@ -11,6 +11,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from landing.camera import CameraModel
@@ -61,6 +62,7 @@ class FeatureTracker:
         self.born = np.zeros(n, np.int64)
         self.pixels = np.full((n, 2), np.nan, np.float32)
         self.history = np.full((self.HISTORY, n, 2), np.nan)
+        self.pixel_history = np.full((self.HISTORY, n, 2), np.nan, np.float32)
         self.whitener = np.ones((3, n))
         self.refused = 0
         self._anchors: list[_Anchor] = []
@@ -94,6 +96,7 @@ class FeatureTracker:
         normalised = self.history[self.frame % self.HISTORY]
         normalised[:] = np.nan
         normalised[self.alive] = self.camera.undistort(self.pixels[self.alive])
+        self.pixel_history[self.frame % self.HISTORY] = self.pixels
 
     def pair(self, gap: int, before: int = 0) -> TrackPair:
         """The tracks common to the frame ``before`` frames ago and the one ``gap`` frames older still.
@@ -139,28 +142,40 @@ class FeatureTracker:
             p = previous @ new_from_previous[:, :2].T + new_from_previous[:, 2]
             guess = self.camera.project(p[:, :2] / p[:, 2:]).astype(np.float32)
             levels = o.levels
-        window = (o.window_px, o.window_px)
-        margin = o.window_px / 2
-        limit = (self.camera.width - 1 - margin, self.camera.height - 1 - margin)
         owner = self._anchor_of[slots]
         for anchor in self._anchors:
             mine = np.flatnonzero(owner == anchor.frame)
             if not len(mine):
                 continue
             start = self._anchor_px[slots[mine]]
-            found, status, _ = cv2.calcOpticalFlowPyrLK(
-                anchor.image, image, start, guess[mine], None, None, window, levels, _CRITERIA, _GUESS, 1e-4
-            )
-            back, status_back, _ = cv2.calcOpticalFlowPyrLK(
-                image, anchor.image, found, start.copy(), None, None, window, 0, _CRITERIA, _GUESS, 1e-4
-            )
-            error = np.abs(back - start).max(axis=1)
-            inside = ((found > margin) & (found < limit)).all(axis=1)
-            both = status.ravel().astype(bool) & status_back.ravel().astype(bool)
-            good = both & (error < o.forward_backward_max_px) & inside
-            self.refused += int((inside & ~good).sum())
+            found, good, inside = self._match(anchor.image, image, start, guess[mine], levels)
+            if new_from_previous is not None and np.count_nonzero(inside & ~good) > o.retry_share * len(mine):
+                # the prediction was wrong: search as if there were none
+                found, good, inside = self._match(
+                    anchor.image, image, start, self.pixels[slots[mine]], o.levels_unpredicted
+                )
+            self.refused += int(np.count_nonzero(inside & ~good))
             self.pixels[slots[mine]] = found
             self.alive[slots[mine[~good]]] = False
+
+    def _match(
+        self, anchor: Image, image: Image, start: Image, guess: Image, levels: int
+    ) -> tuple[Image, NDArray[np.bool_], NDArray[np.bool_]]:
+        """Places (n, 2) px of the anchor's points in the image, which are good, and which lie inside."""
+        o = self.options
+        window = (o.window_px, o.window_px)
+        found, status, _ = cv2.calcOpticalFlowPyrLK(
+            anchor, image, start, guess.copy(), None, None, window, levels, _CRITERIA, _GUESS, 1e-4
+        )
+        back, status_back, _ = cv2.calcOpticalFlowPyrLK(
+            image, anchor, found, start.copy(), None, None, window, 0, _CRITERIA, _GUESS, 1e-4
+        )
+        margin = o.window_px / 2
+        limit = (self.camera.width - 1 - margin, self.camera.height - 1 - margin)
+        inside = ((found > margin) & (found < limit)).all(axis=1)
+        both = status.ravel().astype(bool) & status_back.ravel().astype(bool)
+        good = both & (np.abs(back - start).max(axis=1) < o.forward_backward_max_px) & inside
+        return np.asarray(found), good, np.asarray(inside)
 
     def _changed(self) -> bool:
         """Whether so much of the view is new that corners must be added."""
@@ -171,7 +186,7 @@ class FeatureTracker:
         if self.frame - self._anchors[-1].frame >= o.renew_after_frames:
             return True
         moved = np.abs(self.pixels[slots] - self._placed_px[slots]).max(axis=1)
-        return float(np.partition(moved, len(moved) // 2)[len(moved) // 2]) > o.renew_after_px
+        return float(np.partition(moved, len(moved) // 2)[len(moved) // 2]) > o.renew_after_cells * self._cell
 
     def _cells(self, pixels: NDArray[np.float32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Row and column of the grid's cell of each pixel (n, 2)."""
@@ -208,8 +223,11 @@ class FeatureTracker:
         self._anchors = [a for a in self._anchors if a.frame in used or a.frame == self.frame]
         if len(slots):
             x, y = np.rint(self.pixels[slots]).astype(int).T
-            size = (o.window_px, o.window_px)
-            around = np.stack([cv2.boxFilter(t, -1, size)[y, x] for t in tensor]).astype(np.float64)
+            side, half = o.window_px, o.window_px // 2
+            x = np.clip(x - half, 0, self.camera.width - side)
+            y = np.clip(y - half, 0, self.camera.height - side)
+            patches = [sliding_window_view(t, (side, side))[y, x] for t in tensor]
+            around = np.array([patch.mean(axis=(1, 2), dtype=np.float64) for patch in patches])
             self.whitener[:, slots] = self._whitener(around)
         self._placed_px[:] = self.pixels
         self._placed_count = int(self.alive.sum())
@@ -219,8 +237,8 @@ class FeatureTracker:
         o = self.options
         size = (o.corner_px, o.corner_px)
         xx, xy, yy = (cv2.boxFilter(t, -1, size) for t in tensor)
-        half = cv2.subtract(xx, yy) * 0.5
-        strength = (xx + yy) * 0.5 - cv2.magnitude(half, xy)
+        difference = cv2.magnitude(cv2.addWeighted(xx, 0.5, yy, -0.5, 0), xy)
+        strength = cv2.subtract(cv2.addWeighted(xx, 0.5, yy, 0.5, 0), difference)
         margin = o.window_px // 2 + 1
         strength[:margin] = strength[-margin:] = 0
         strength[:, :margin] = strength[:, -margin:] = 0
@@ -298,6 +316,10 @@ class FeatureTracker:
 
 def structure_tensor(image: Image) -> tuple[Image, Image, Image]:
     """gx^2, gx gy and gy^2 of each pixel, grey levels squared per pixel squared."""
-    gx = cv2.Sobel(image, cv2.CV_32F, 1, 0, ksize=3, scale=0.125)
-    gy = cv2.Sobel(image, cv2.CV_32F, 0, 1, ksize=3, scale=0.125)
-    return cv2.multiply(gx, gx), cv2.multiply(gx, gy), cv2.multiply(gy, gy)
+    gx, gy = cv2.spatialGradient(image)
+    scale = 1 / 64  # the Sobel weights add up to eight
+    return (
+        cv2.multiply(gx, gx, scale=scale, dtype=cv2.CV_32F),
+        cv2.multiply(gx, gy, scale=scale, dtype=cv2.CV_32F),
+        cv2.multiply(gy, gy, scale=scale, dtype=cv2.CV_32F),
+    )
