@@ -71,7 +71,7 @@ class CameraModel:
             # a tilted sensor is rare: OpenCV's slower way
             space = np.column_stack((points, np.ones(len(points))))
             pixels, _ = cv2.projectPoints(space, np.zeros(3), np.zeros(3), self.matrix, self.distortion)
-            return pixels.reshape(-1, 2)
+            return np.asarray(pixels, np.float64).reshape(-1, 2)
         x, y = points[:, 0], points[:, 1]
         k = np.zeros(12)
         k[: min(12, self.distortion.size)] = self.distortion[:12]
