@@ -69,6 +69,11 @@ class Core:
         """The user's permission to land; taking it back and giving it again allows another request."""
         self._judge.set_enabled(enabled, self._sync.now_us)
 
+    @property
+    def waiting(self) -> bool:
+        """Whether a frame waits for the attitude behind its exposure."""
+        return self._sync.waiting
+
     def feed(self, sample: Sample) -> list[Output]:
         """Take one sample; returns what came of it, in order."""
         out: list[Output] = []

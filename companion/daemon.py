@@ -38,6 +38,9 @@ ANSWER_S = 10.0
 """How long the end waits for the answer to a command; MAVSDK gives up by then."""
 CLOSE_S = 2.0
 
+GATHER_S = 0.02
+"""Telemetry is gathered for so long while no frame waits for it."""
+
 OpenCamera = Callable[[Notify], Camera]
 
 
@@ -127,7 +130,7 @@ class Daemon:
 
     def _turn(self) -> None:
         """One round: what came is fed in order of arrival; the watchdog is fed when all of it went through."""
-        samples, events = self._inbox.take(TICK_S)
+        samples, events = self._inbox.take(TICK_S, 0.0 if self.pipeline.waiting else GATHER_S)
         samples += self._camera.take()
         samples.sort(key=_arrival)
         self.recording.samples(samples)

@@ -20,6 +20,7 @@ class Inbox:
         self._events: deque[DriverEvent] = deque(maxlen=capacity)
         self._changed = threading.Condition()
         self._woken = False
+        self._patient = False
 
     def put(self, samples: Iterable[Sample]) -> None:
         """Leave samples; never waits."""
@@ -27,7 +28,8 @@ class Inbox:
             for sample in samples:
                 self.dropped += len(self._samples) == self._samples.maxlen
                 self._samples.append(sample)
-            self._changed.notify()
+            if not self._patient:
+                self._changed.notify()
 
     def tell(self, event: DriverEvent) -> None:
         """Leave an event."""
@@ -41,12 +43,22 @@ class Inbox:
             self._woken = True
             self._changed.notify()
 
-    def take(self, timeout_s: float) -> tuple[list[Sample], list[DriverEvent]]:
-        """Everything there is, waiting up to ``timeout_s`` for something."""
+    def take(self, timeout_s: float, gather_s: float = 0.0) -> tuple[list[Sample], list[DriverEvent]]:
+        """Everything there is, waiting up to ``timeout_s`` for something.
+
+        With ``gather_s`` samples alone wait that long for more of their kind: one turn for many, not one for each.
+        """
         with self._changed:
-            self._changed.wait_for(lambda: self._samples or self._events or self._woken, timeout_s)
+            self._changed.wait_for(lambda: self._samples or self._urgent(), timeout_s)
+            if gather_s and not self._urgent():
+                self._patient = True
+                self._changed.wait_for(self._urgent, gather_s)
+                self._patient = False
             self._woken = False
             samples, events = list(self._samples), list(self._events)
             self._samples.clear()
             self._events.clear()
             return samples, events
+
+    def _urgent(self) -> bool:
+        return self._woken or bool(self._events)

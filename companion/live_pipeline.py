@@ -64,6 +64,11 @@ class LivePipeline:
         """How the camera is mounted, (3, 3)."""
         return self._camera.body_from_camera
 
+    @property
+    def waiting(self) -> bool:
+        """Whether a frame waits for the attitude behind its exposure."""
+        return self._core.waiting
+
     def feed(self, samples: list[Sample]) -> None:
         """Take samples in order of arrival."""
         for sample in samples:

@@ -89,6 +89,11 @@ class Synchroniser:
             ready += self._ready()
         return ready, notices
 
+    @property
+    def waiting(self) -> bool:
+        """Whether a frame waits for an attitude."""
+        return bool(self._waiting)
+
     def tick(self, now_us: int) -> list[ReadyFrame]:
         """The companion's time went on to ``now_us`` without a sample."""
         self._advance(now_us - self.clock.shift_us)
