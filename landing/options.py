@@ -66,7 +66,7 @@ class EstimatorOptions:
     use_attitude: Annotated[bool, "take the vehicle's attitude out of the slopes"] = True
     attitude_std_deg: Annotated[
         float, Limits(0, 10, "deg", "error of the autopilot's roll and pitch, one sigma")
-    ] = 0.22
+    ] = 0.2
     min_tracks: Annotated[int, Limits(12, 500, "", "fewest tracks for an estimate")] = 24
     min_coverage: Annotated[float, Limits(0, 1, "", "smallest share of the image with tracks")] = 0.2
     min_roughness_tracks: Annotated[int, Limits(8, 500, "", "fewest tracks for a roughness")] = 20

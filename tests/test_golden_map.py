@@ -1,0 +1,77 @@
+"""The default estimator on the recorded flights, replayed by the real command and held against their truth."""
+
+from pathlib import Path
+
+import pytest
+from replay_support import FLIGHTS, NAMES, Replayed, replayed
+from score import Score, score
+
+FINE = ("stairs_a", "ramp_a", "agile_a", "rubble_a")
+SLOPE_DEG = {"fine": (0.12, 0.40), "hard": (0.2, 0.9)}
+INCLINATION_DEG = {"fine": (0.25, 0.6), "hard": (0.3, 1.0)}
+COVERAGE = 0.95
+MISSED_SHARE = 0.15
+FALSELY_FLAT_SHARE = 0.03
+"""A step at the very border of the view cannot be told before it has moved some pixels."""
+FLOW = (0.01, 0.05)
+CONTACT_MEDIAN = 0.03
+
+
+@pytest.fixture(scope="module", params=NAMES)
+def flown(request: pytest.FixtureRequest, replay_cache: Path) -> tuple[str, Replayed, Score]:
+    replay = replayed(replay_cache, request.param, "--set", "estimator.method=map")
+    return request.param, replay, score(FLIGHTS / request.param, replay.estimates)
+
+
+def kind(flight: str) -> str:
+    return "fine" if flight in FINE else "hard"
+
+
+def test_slope_and_inclination_are_as_good_as_they_say(flown: tuple[str, Replayed, Score]):
+    flight, _, figures = flown
+    for errors, limits in ((figures.slope, SLOPE_DEG), (figures.inclination, INCLINATION_DEG)):
+        median, p95 = limits[kind(flight)]
+        assert errors.median is not None
+        assert errors.p95 is not None
+        assert errors.median <= median
+        assert errors.p95 <= p95
+    over = figures.inclination_over_std
+    assert over.median is not None
+    assert over.p95 is not None
+    assert 0.3 <= over.median <= 0.95
+    assert over.p95 <= 2.5
+    assert figures.coverage >= COVERAGE
+
+
+def test_the_motion_holds_at_the_newest_frame(flown: tuple[str, Replayed, Score]):
+    flight, _, figures = flown
+    assert figures.ventral_flow.median is not None
+    assert figures.ventral_flow.p95 is not None
+    assert figures.ventral_flow.median <= FLOW[0]
+    assert figures.ventral_flow.p95 <= FLOW[1]
+    if flight in ("descent_a", "ramp_a", "agile_a"):
+        assert figures.time_to_contact.median is not None
+        assert figures.time_to_contact.median <= CONTACT_MEDIAN
+
+
+def test_what_is_unsafe_is_hardly_ever_called_flat_and_what_is_landable_is_seldom_missed(
+    flown: tuple[str, Replayed, Score],
+):
+    _, _, figures = flown
+    unsafe = figures.unsafe_said_flat + figures.unsafe_refused
+    landable = figures.landable_said_flat + figures.landable_missed
+    assert figures.unsafe_said_flat <= FALSELY_FLAT_SHARE * unsafe
+    assert figures.landable_missed <= MISSED_SHARE * landable
+    if figures.roughness_auc is not None:
+        assert figures.roughness_auc >= 0.95
+
+
+def test_unknown_is_said_with_a_reason(flown: tuple[str, Replayed, Score]):
+    for estimate in flown[1].estimates:
+        if estimate["status"] != "ok":
+            assert estimate["slope_x_deg"] is None
+            assert not estimate["flat"]
+            assert estimate["against_flat"]
+        if estimate["flat"]:
+            assert not estimate["against_flat"]
+            assert estimate["inclination_deg"] + 2 * estimate["inclination_std_deg"] <= 10.0
