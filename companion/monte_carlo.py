@@ -39,7 +39,8 @@ class Run:
     fault: str
     outcome: str
     """"right", "unsafe" (it landed on ground that is plainly not to land on), "view" (requested with plainly unfit
-    ground somewhere in view, but none where it landed), "missed", "between" (requested, neither plainly)."""
+    ground somewhere in view, but none where it landed), "missed", "between" (requested, neither plainly),
+    "crashed: why"."""
     requested_s: float | None
     inclination_deg: float | None
     """True, of the ground in view at the request."""
@@ -51,6 +52,16 @@ class Run:
     fit_s: float
     """Longest time of plainly fit ground in view without a break."""
     elapsed_s: float
+
+    @property
+    def wrong(self) -> bool:
+        """Whether somebody should look at it."""
+        return self.outcome in WRONG or self.crashed
+
+    @property
+    def crashed(self) -> bool:
+        """Whether the software broke."""
+        return self.outcome.startswith("crashed")
 
     def __str__(self) -> str:
         what = f"missed fit ground of {self.fit_s:.1f} s" if self.outcome == "missed" else self.outcome
@@ -96,6 +107,11 @@ class Report:
         return Share(sum(r.outcome == "unsafe" for r in seen), len(seen))
 
     @property
+    def crashes(self) -> int:
+        """Flights in which the software broke."""
+        return sum(r.crashed for r in self.runs)
+
+    @property
     def unfit_in_view(self) -> Share:
         """Of the same flights: requested while unfit ground was in view, but not where it landed."""
         seen = [r for r in self.runs if r.unfit_in_view or r.outcome in ("unsafe", "view")]
@@ -120,6 +136,7 @@ class Report:
             f"  requested with such ground beside           {self.unfit_in_view}",
             f"  landing missed on plainly fit ground        {self.missed}",
             f"  requested on ground that is neither         {sum(r.outcome == 'between' for r in self.runs)}",
+            f"  the software broke                          {self.crashes}",
             "  by ground: requested, on unfit, unfit beside, missed",
         ]
         for kind, count in sorted(kinds.items()):
@@ -161,10 +178,14 @@ def wilson(count: int, total: int) -> tuple[float, float]:
 
 
 def worst(runs: Sequence[Run]) -> list[Run]:
-    """The runs that went wrong: requests on unfit ground, steepest and roughest first, then the longest missed."""
+    """The runs that went wrong: crashes, landings on unfit ground, the steepest and roughest first, the longest missed."""
     bad = [r for r in runs if r.outcome in ("unsafe", "view")]
     bad.sort(key=lambda r: (r.outcome != "unsafe", -(r.inclination_deg or 0.0) - 1000 * (r.relief or 0.0)))
-    return bad + sorted((r for r in runs if r.outcome == "missed"), key=lambda r: -r.fit_s)
+    return (
+        [r for r in runs if r.crashed]
+        + bad
+        + sorted((r for r in runs if r.outcome == "missed"), key=lambda r: -r.fit_s)
+    )
 
 
 def fly_many(
@@ -186,13 +207,14 @@ def fly_many(
     seeds = range(first_seed, first_seed + count)
     for done, run in enumerate(_all(seeds, jobs, config, tuple(overrides)), 1):
         report.runs.append(run)
-        if run.outcome in WRONG:
+        if run.wrong:
             on_wrong(run)
         progress(done, count)
     report.runs.sort(key=lambda r: r.seed)
     report.elapsed_s = time.perf_counter() - started
     if keep is not None:
-        report.kept = [_keep(r, keep, config, overrides) for r in worst(report.runs)[:KEPT_WORST]]
+        shown = [r for r in worst(report.runs) if not r.crashed][:KEPT_WORST]
+        report.kept = [_keep(r, keep, config, overrides) for r in shown]
     return report
 
 
@@ -241,16 +263,30 @@ def _all(seeds: range, jobs: int, config: Path | None, overrides: tuple[str, ...
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(jobs, mp_context=context, initializer=_quiet) as pool:
         waiting: set[Future[Run]] = set()
+        flown: dict[Future[Run], int] = {}
         left = iter(seeds)
         while True:
             for seed in left:
-                waiting.add(pool.submit(fly_one, seed, config, overrides))
+                future = pool.submit(fly_one, seed, config, overrides)
+                waiting.add(future)
+                flown[future] = seed
                 if len(waiting) >= AHEAD * jobs:
                     break
             if not waiting:
                 return
             done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-            yield from (future.result() for future in done)
+            for future in done:
+                error = future.exception()
+                # A flight that broke the software is a finding, not the end of the others.
+                yield future.result() if error is None else _crashed(flown[future], error)
+
+
+def _crashed(seed: int, error: BaseException) -> Run:
+    scenario = random_scenario(seed)
+    fault = scenario.faults[0].kind if scenario.faults else ""
+    what = f"crashed: {type(error).__name__}: {error}"
+    nothing: tuple[None, None, None, None, None] = (None,) * 5
+    return Run(seed, scenario.basics.description, fault, what, *nothing, False, 0.0, 0.0)
 
 
 def _quiet() -> None:

@@ -124,7 +124,7 @@ def _many(args: argparse.Namespace) -> int:
     print(report.in_words())
     if args.report is not None:
         args.report.write_text(json.dumps(report.as_table(), indent=1), encoding="utf-8")
-    return 1 if report.requested_on_unfit.count else 0
+    return 1 if report.requested_on_unfit.count or report.crashes else 0
 
 
 def _say(run: Any) -> None:

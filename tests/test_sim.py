@@ -16,7 +16,7 @@ from companion.errors import SettingsError
 from companion.flight_result import FlightResult, in_words
 from companion.ground import patch, unsafe
 from companion.lockstep import LockstepOptions, fly
-from companion.monte_carlo import Share, fly_many, fly_one, wilson, worst
+from companion.monte_carlo import Report, Run, Share, fly_many, fly_one, wilson, worst
 from companion.random_scenario import random_scenario
 from companion.scenario import Expectation, Scenario, built_in, parse_scenario, read_scenario, to_toml
 from companion.sim_picture import draw
@@ -231,6 +231,29 @@ def test_a_patch_knows_slope_and_bumps() -> None:
     step = build_world([{"kind": "step", "height": 0.4, "north": 1.0}])
     assert patch(step, 1.0, 0.0).deviation_m > 0.1
     assert not unsafe(patch(step, 3.0, 0.0), 10.0)
+
+
+def test_flights_that_went_wrong_come_first_in_the_report() -> None:
+    def run(seed: int, outcome: str, requested_s: float | None = None, fit_s: float = 0.0) -> Run:
+        known = None if requested_s is None else 3.0
+        return Run(seed, "step", "", outcome, requested_s, known, known, known, known, True, fit_s, 1.0)
+
+    runs = [
+        run(1, "right", 2.0),
+        run(2, "missed", fit_s=4.0),
+        run(3, "view", 1.0),
+        run(4, "unsafe", 1.0),
+        run(5, "crashed: IndexError: none there"),
+        run(6, "right"),
+    ]
+    report = Report(runs)
+    assert [r.seed for r in worst(runs)] == [5, 4, 3, 2]
+    assert (report.requested_on_unfit.count, report.requested_on_unfit.total) == (1, 6)
+    assert (report.missed.count, report.missed.total) == (1, 2)
+    assert report.crashes == 1
+    words = report.in_words()
+    assert "seed 5 (step): crashed: IndexError: none there" in words
+    assert "seed 4 (step): unsafe: requested at 1.0 s on 3.0 degrees" in words
 
 
 def test_monte_carlo_in_two_processes(tmp_path: Path) -> None:
