@@ -178,7 +178,7 @@ def wilson(count: int, total: int) -> tuple[float, float]:
 
 
 def worst(runs: Sequence[Run]) -> list[Run]:
-    """The runs that went wrong: crashes, landings on unfit ground, the steepest and roughest first, the longest missed."""
+    """The runs that went wrong: crashes, landings on unfit ground, the steepest first, then the longest missed."""
     bad = [r for r in runs if r.outcome in ("unsafe", "view")]
     bad.sort(key=lambda r: (r.outcome != "unsafe", -(r.inclination_deg or 0.0) - 1000 * (r.relief or 0.0)))
     return (
