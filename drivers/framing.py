@@ -56,6 +56,7 @@ class FrameSplitter:
 
     def __init__(self) -> None:
         self._buffer = bytearray()
+        self._in_step = True
 
     def feed(self, data: bytes) -> list[WireFrame | Garbage]:
         """The frames and the garbage completed by ``data``; an unfinished frame waits for the rest."""
@@ -67,16 +68,20 @@ class FrameSplitter:
         bad = False
         while at < len(buffer):
             if buffer[at] not in (MARKER_V1, MARKER_V2):
+                self._in_step = False
                 at += 1
                 continue
             length = _frame_length(buffer, at)
             if length is None or at + length > len(buffer):
                 break
             frame = _frame(bytes(buffer[at : at + length]))
-            if frame is None or not (frame.known or _boundary(buffer, at + length)):
+            # Of a message that is not known nothing can be checked: it counts only right behind another frame.
+            if frame is None or not (frame.known or (self._in_step and _boundary(buffer, at + length))):
                 bad = True
+                self._in_step = False
                 at += 1
                 continue
+            self._in_step = True
             if start < at:
                 pieces.append(Garbage(bytes(buffer[start:at]), bad))
                 bad = False
