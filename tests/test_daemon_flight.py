@@ -15,6 +15,7 @@ import pytest
 from camera_support import MjpegServer
 from daemon_support import STAIRS, PlayClock, free_tcp_port, recorded_frames, recorded_telemetry, wait_for
 from flight_edits import rc_channels
+from replay_support import replayed
 from vehicle_support import TestVehicle, free_udp_port
 
 from drivers.bus import Endpoints, Subscription
@@ -40,17 +41,8 @@ def stream(clock: PlayClock) -> Iterator[np.ndarray]:
         yield image
 
 
-def replayed(path) -> dict[float, dict]:
-    """Estimates of `landslope replay`, by boot time."""
-    out = path / "estimates.jsonl"
-    command = [sys.executable, "-m", "companion.cli", "replay", str(STAIRS), "--out", str(out)]
-    subprocess.run(command, check=True, capture_output=True)
-    estimates = map(json.loads, out.read_text().splitlines())
-    return {e["time_boot_s"]: e for e in estimates if e["status"] == "ok"}
-
-
 @pytest.mark.slow
-def test_stairs_live_lands_once_on_the_floor_and_agrees_with_the_replay(tmp_path) -> None:
+def test_stairs_live_lands_once_on_the_floor_and_agrees_with_the_replay(tmp_path, replay_cache) -> None:
     clock, port, zenoh = PlayClock(), free_udp_port(), free_tcp_port()
     settings = {
         "camera.calibration": f'"{STAIRS / "camera.yaml"}"',
@@ -111,7 +103,8 @@ def test_stairs_live_lands_once_on_the_floor_and_agrees_with_the_replay(tmp_path
     names = [m["event"] for topic, m in messages if topic == "event"]
     for name in ("landing_enabled", "landing_requested", "landing_accepted", "landing_started"):
         assert names.count(name) == 1
-    agreement(messages, replayed(tmp_path))
+    estimates = replayed(replay_cache, STAIRS.name).estimates
+    agreement(messages, {e["time_boot_s"]: e for e in estimates if e["status"] == "ok"})
 
 
 def agreement(messages: list[tuple[str, dict]], reference: dict[float, dict]) -> None:
