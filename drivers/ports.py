@@ -14,6 +14,8 @@ from drivers.errors import DriverError
 FORMS = "serial:DEVICE[:BAUD], /dev/DEVICE[:BAUD], udpin:HOST:PORT, udpout:HOST:PORT or tcp:HOST:PORT"
 DEFAULT_BAUD = 921600
 CONNECT_TIMEOUT_S = 2.0
+WRITE_TIMEOUT_S = 0.3
+"""A peer that takes nothing for this long is given up and connected to anew: it must not hold the pipeline up."""
 PEER_MEMORY_S = 10.0
 """How long a udpin port goes on sending to a peer that fell silent."""
 CHUNK = 65536
@@ -156,7 +158,7 @@ class TcpClient:
     def __init__(self, name: PortName) -> None:
         self._socket = socket.create_connection((name.host, name.number), CONNECT_TIMEOUT_S)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._socket.settimeout(CONNECT_TIMEOUT_S)
+        self._socket.settimeout(WRITE_TIMEOUT_S)
 
     def read(self, timeout_s: float) -> tuple[bytes, Address] | None:
         if not _readable(self._socket, timeout_s):
@@ -167,7 +169,7 @@ class TcpClient:
         return data, None
 
     def write(self, data: bytes) -> None:
-        # A stream must not lose a part of a frame: a peer that reads nothing for this long is given up.
+        # A stream must not lose a part of a frame: after a timeout it cannot go on.
         self._socket.sendall(data)
 
     def believe(self, sender: Address) -> None:
@@ -184,7 +186,7 @@ class SerialPort:
         import serial  # only where there is a serial line
 
         self._line = serial.Serial(
-            name.host, name.number, timeout=0, write_timeout=CONNECT_TIMEOUT_S, exclusive=True
+            name.host, name.number, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True
         )
 
     def read(self, timeout_s: float) -> tuple[bytes, Address] | None:
