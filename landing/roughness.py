@@ -17,7 +17,8 @@ from landing.camera import CameraModel
 from landing.motion import displacement, rotation_flow
 from landing.options import EstimatorOptions
 from landing.plane import Plane
-from landing.views import Baseline, Views
+from landing.tracking import TrackPair
+from landing.views import Views
 
 Array = NDArray[np.float64]
 
@@ -108,27 +109,92 @@ class ReliefMap:
         return Relief(slots, h, s, rough, rough_std, gross, standing)
 
     def _measure(self, views: Views, plane: Plane) -> tuple[Array, Array, Array, Array, int]:
-        """Heights and standard deviations of all slots (capacity,), newest and older, and the gross errors."""
-        tracker, o = views.tracker, self.options
+        """Heights and standard deviations of all slots (capacity,), newest and older, and the gross errors.
+
+        The newest go back to half the plane's baseline, or for younger tracks as far as they reach; the older
+        ones span the other half, so that the two have no frame but the middle one in common.
+        """
+        tracker = views.tracker
         capacity = len(tracker.alive)
         weight = np.ones(capacity)
         weight[plane.slots] = plane.weight
         height, std, older, older_std = (np.full(capacity, math.nan) for _ in range(4))
         wrong = np.zeros(capacity, bool)
-        for gap, before in self._baselines(views, max(1, plane.gap // 2)):
-            baseline = views.baseline(gap, before)
+        half = max(1, plane.gap // 2)
+        gaps = self._gaps(views, half)
+        slots = np.flatnonzero(tracker.alive & (tracker.born <= tracker.frame - gaps[-1]))
+        index = np.searchsorted(-gaps, -(tracker.frame - tracker.born[slots]))
+        whole, derotated = views.stack(gaps, slots)
+        oldest = index == 0
+        found = self._over(
+            whole,
+            derotated,
+            np.minimum(index, len(gaps) - 1),
+            oldest,
+            plane.normal,
+            weight,
+            views.baseline_std(half),
+        )
+        if found is not None:
+            height[slots], std[slots] = found[0], found[1]
+            wrong[slots] = found[2]
+        if 2 * half <= views.longest:
+            baseline = views.baseline(half, half)
             # the same plane, in the axes of the frame where the baseline begins
-            normal = plane.normal if before == 0 else turned(plane.normal, views.rotation(before))
-            measured = heights(baseline, normal, weight, self._rotation_std(baseline), o)
-            if measured is None:
-                continue
-            slots = baseline.tracks.slots
-            into, into_std = (height, std) if before == 0 else (older, older_std)
-            fresh = np.isnan(into[slots])
-            into[slots[fresh]], into_std[slots[fresh]] = measured[0][fresh], measured[1][fresh]
-            wrong[slots[fresh & measured[2]]] = True
+            normal = turned(plane.normal, views.rotation(half))
+            n = len(baseline.tracks.slots)
+            first, all_of_them = np.zeros(n, np.intp), np.ones(n, bool)
+            found = self._over(
+                baseline.tracks,
+                baseline.derotated_old[None],
+                first,
+                all_of_them,
+                normal,
+                weight,
+                baseline.rotation_std_rad,
+            )
+            if found is not None:
+                slots = baseline.tracks.slots
+                older[slots], older_std[slots] = found[0], found[1]
+                wrong[slots] |= found[2]
         height[wrong] = math.nan
         return height, std, older, older_std, int(wrong.sum())
+
+    def _gaps(self, views: Views, half: int) -> NDArray[np.intp]:
+        """Half the plane's baseline, then the ages of the larger groups of younger tracks, falling."""
+        tracker, o = views.tracker, self.options
+        ages, counts = np.unique(tracker.frame - tracker.born[tracker.alive], return_counts=True)
+        younger = ages[(ages >= 1) & (ages < half) & (counts >= o.relief_group_tracks)][::-1]
+        return np.concatenate(((half,), younger[: o.relief_groups])).astype(np.intp)
+
+    def _over(
+        self,
+        tracks: TrackPair,
+        derotated: Array,
+        index: NDArray[np.intp],
+        solve: NDArray[np.bool_],
+        normal: Array,
+        weight: Array,
+        rotation_std: float,
+    ) -> tuple[Array, Array, NDArray[np.bool_]] | None:
+        """Heights of tracks whose old places are ``derotated[index]`` of (g, n, 2).
+
+        The displacements of all g gaps come from the tracks ``solve`` (n,), which reach back over all of them.
+        """
+        o = self.options
+        wrong_by = np.hypot((o.rotation_std_rad, o.rotation_std_rad, o.yaw_std_rad), rotation_std)
+        found = displacement(
+            tracks.new[solve],
+            derotated[:, solve],
+            normal,
+            tracks.whitener[:, solve],
+            weight[tracks.slots[solve]],
+            wrong_by,
+        )
+        if found is None:
+            return None
+        old = derotated[index, np.arange(len(index))]
+        return heights(tracks.new, old, found[0][index], normal, tracks.whitener, o)
 
     def _standing(self, born: NDArray[np.int64], slots: NDArray[np.intp], h: Array, s: Array) -> int:
         """How many tracks have stood out for some frames on end; what does not last is a tracking error."""
@@ -138,10 +204,6 @@ class ReliefMap:
         self._streak = np.where(stands & (born == self._born), self._streak + 1, stands.astype(np.int64))
         self._born = born.copy()
         return int((self._streak >= o.standing_frames).sum())
-
-    def _rotation_std(self, baseline: Baseline) -> Array:
-        o = self.options
-        return np.hypot((o.rotation_std_rad, o.rotation_std_rad, o.yaw_std_rad), baseline.rotation_std_rad)
 
     def _cell(self, pixel: NDArray[np.floating]) -> NDArray[np.int64]:
         last = (self.camera.width - 1, self.camera.height - 1)
@@ -174,15 +236,6 @@ class ReliefMap:
             self._points = np.concatenate((self._points, now))[-o.remembered :]
             self._heights = np.concatenate((self._heights, h[sure]))[-o.remembered :]
 
-    def _baselines(self, views: Views, half: int) -> list[tuple[int, int]]:
-        """(gap, before): two baselines end to end, then shorter ones for the tracks that are younger."""
-        tracker = views.tracker
-        ages, counts = np.unique(tracker.frame - tracker.born[tracker.alive], return_counts=True)
-        enough = (ages >= 1) & (ages < half) & (counts >= self.options.relief_group_tracks)
-        younger = sorted((int(age) for age in ages[enough]), reverse=True)
-        twice = [(half, half)] if 2 * half <= views.longest else []
-        return [(half, 0), *twice, *((age, 0) for age in younger[: self.options.relief_groups])]
-
 
 def turned(normal: Array, old_from_new: Array | None) -> Array:
     """The normal (3,) in the axes of an older frame, with z = 1 again."""
@@ -193,39 +246,27 @@ def turned(normal: Array, old_from_new: Array | None) -> Array:
 
 
 def heights(
-    baseline: Baseline,
-    normal: Array,
-    weight: Array,
-    rotation_std: Array,
-    options: EstimatorOptions,
-) -> tuple[Array, Array, NDArray[np.bool_]] | None:
-    """Height over the plane (n,) over the distance along the axis, its standard deviation, and gross errors.
+    new: Array, old: Array, motion: Array, normal: Array, whitener: Array, options: EstimatorOptions
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Height over the plane (n,) over the distance along the axis, its standard deviation, and gross errors (n,).
 
-    ``weight`` as in ``velocity``, ``rotation_std`` (3,) rad what the measured rotation may be wrong by.
+    ``new`` and ``old`` (n, 2), the old places derotated; ``motion`` (n, 6) is what ``displacement`` found for each
+    track's gap: displacement over height and error of the rotation.
     """
-    tracks, derotated = baseline.tracks, baseline.derotated_old
-    found = displacement(
-        tracks.new, derotated[None], normal, tracks.whitener, weight[tracks.slots], rotation_std
-    )
-    if found is None:
-        return None
-    t, turn = found[0][0, :3], found[0][0, 3:]
-    depth = normal[2] + tracks.new @ normal[:2]
+    depth = normal[2] + new @ normal[:2]
+    t = motion[:, :3]
     # (x' - x) = d (1 + e) (x' tz - tx): linear in the height e as well
-    direction = depth[:, None] * (derotated * t[2] - t[:2])
-    residual = derotated - tracks.new - direction
-    rotation = np.array(rotation_flow(derotated[:, 0], derotated[:, 1]))
-    residual -= np.tensordot(turn, rotation, 1).T
-    c11, c12, c22 = tracks.whitener
-    g = np.array((c11 * direction[:, 0] + c12 * direction[:, 1], c22 * direction[:, 1]))
-    r = np.array((c11 * residual[:, 0] + c12 * residual[:, 1], c22 * residual[:, 1]))
-    information = g[0] ** 2 + g[1] ** 2
-    length = np.sqrt(np.maximum(information, 1e-12))
-    across = (g[0] * r[1] - g[1] * r[0]) / length
-    noise = max(
-        float(np.partition(np.abs(across), len(across) // 2)[len(across) // 2]) * 1.4826, options.noise_floor
-    )
+    u = depth * (old[:, 0] * t[:, 2] - t[:, 0])
+    v = depth * (old[:, 1] * t[:, 2] - t[:, 1])
+    turn = np.einsum("ijn,ni->jn", np.array(rotation_flow(old[:, 0], old[:, 1])), motion[:, 3:])
+    ru, rv = old[:, 0] - new[:, 0] - u - turn[0], old[:, 1] - new[:, 1] - v - turn[1]
+    c11, c12, c22 = whitener
+    gu, gv = c11 * u + c12 * v, c22 * v
+    ru, rv = c11 * ru + c12 * rv, c22 * rv
+    information = np.maximum(gu**2 + gv**2, 1e-12)
+    length = np.sqrt(information)
+    across = np.abs(gu * rv - gv * ru) / length
+    noise = max(float(np.partition(across, len(across) // 2)[len(across) // 2]) * 1.4826, options.noise_floor)
     scale = 1.0 / math.sqrt(float(normal @ normal))
-    height = (g[0] * r[0] + g[1] * r[1]) / np.maximum(information, 1e-12) * scale
-    std = noise / length * scale
-    return height, std, np.abs(across) > options.gross_sigmas * noise
+    height = (gu * ru + gv * rv) / information * scale
+    return height, noise / length * scale, across > options.gross_sigmas * noise

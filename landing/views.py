@@ -93,10 +93,23 @@ class Views:
         old, new = self.view(gap + before).ned_from_camera, self.view(before).ned_from_camera
         return None if old is None or new is None else old.T @ new
 
-    def stack(self, gaps: NDArray[np.intp]) -> tuple[TrackPair, Array]:
-        """The tracks common to the newest frame and all of ``gaps`` (g,), and their derotated places (g, n, 2)."""
-        tracks = self.tracker.pair(int(gaps.max()))
+    def stack(self, gaps: NDArray[np.intp], slots: NDArray[np.intp] | None = None) -> tuple[TrackPair, Array]:
+        """Tracks and their derotated places (g, n, 2) in the frames ``gaps`` (g,) before the newest.
+
+        Without ``slots`` the tracks common to all of them; else those, NaN where a track is younger.
+        """
+        longest = int(gaps.max())
+        if slots is None:
+            tracks = self.tracker.pair(longest)
+        else:
+            tracker = self.tracker
+            new, old = (tracker.history[(tracker.frame - k) % tracker.HISTORY, slots] for k in (0, longest))
+            tracks = TrackPair(longest, slots, new, old, tracker.whitener[:, slots])
         return tracks, self._derotated(gaps, tracks.slots)
+
+    def baseline_std(self, gap: int) -> float:
+        """Standard deviation (rad, per axis) of the measured rotation over ``gap`` frames."""
+        return float(np.hypot(self.view(gap).rotation_std_rad, self.newest.rotation_std_rad) / np.sqrt(2))
 
     def _derotated(self, gaps: NDArray[np.intp], slots: NDArray[np.intp]) -> Array:
         tracker = self.tracker
