@@ -4,6 +4,7 @@ pymavlink's own stream parser swallows up to 280 bytes behind a stray start mark
 frame that fails its checksum costs one byte and the search goes on behind it.
 """
 
+import re
 from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -13,6 +14,7 @@ MARKER_V2 = 0xFD
 SIGNED = 0x01
 """Incompatibility flag: the frame ends with a signature."""
 SIGNATURE_LENGTH = 13
+_MARKER = re.compile(b"[\xfd\xfe]")
 _HEADER_V1 = 6
 _HEADER_V2 = 10
 _CHECKSUM = 2
@@ -69,7 +71,8 @@ class FrameSplitter:
         while at < len(buffer):
             if buffer[at] not in (MARKER_V1, MARKER_V2):
                 self._in_step = False
-                at += 1
+                following = _MARKER.search(buffer, at)
+                at = following.start() if following else len(buffer)
                 continue
             length = _frame_length(buffer, at)
             if length is None or at + length > len(buffer):
