@@ -181,7 +181,7 @@ class FeatureTracker:
         """Whether so much of the view is new that corners must be added."""
         o = self.options
         slots = np.flatnonzero(self.alive)
-        if len(slots) < o.renew_below * self._placed_count:
+        if not len(slots) or len(slots) < o.renew_below * self._placed_count:
             return True
         if self.frame - self._anchors[-1].frame >= o.renew_after_frames:
             return True

@@ -1,0 +1,54 @@
+"""Recorded flights under nuisances: errors within their stated sigma or a small bound, nothing unsafe called flat."""
+
+import nuisances
+import pytest
+
+SIGMAS = 3.0
+BOUND_DEG = 1.0
+NEARLY_ALL = 0.95
+MOST_SILENT = 0.2
+
+AT_THE_ATTITUDE = ("gyro bias of 1 deg/s", "frames 20 ms late", "frames 20 ms early", "attitude at 10 Hz")
+IN_THE_PICTURE = (
+    "half without texture",
+    "brightness steps of 30 %",
+    "moving shadow",
+    "propeller",
+    "30 % outliers",
+)
+CASES = [
+    *(("steep", nuisance) for nuisance in (*AT_THE_ATTITUDE, *IN_THE_PICTURE)),
+    *(("agile", nuisance) for nuisance in ("gyro bias of 1 deg/s", "attitude at 10 Hz", "30 % outliers")),
+    *(("stairs", nuisance) for nuisance in ("half without texture", "propeller", "30 % outliers")),
+    *(("descent", nuisance) for nuisance in ("half without texture", "moving shadow", "attitude at 10 Hz")),
+]
+
+
+@pytest.mark.parametrize(("cut", "nuisance"), CASES, ids=lambda value: value.replace(" ", "_"))
+def test_never_a_confident_wrong_answer(cut: str, nuisance: str):
+    outcome = nuisances.run(cut, nuisance)
+    assert outcome.unsafe_flat == 0
+    assert outcome.unsafe > 0 or cut == "agile"
+    judged = len(outcome.errors) + len(outcome.silent)
+    assert judged >= 20
+    assert len(outcome.silent) <= MOST_SILENT * judged, outcome.silent
+    assert outcome.within(SIGMAS, BOUND_DEG) >= NEARLY_ALL
+
+
+def test_stamps_that_are_wrong_in_a_fast_turn_cost_no_more_than_the_attitude_they_take():
+    """Up to 60 deg/s for 20 ms: 1.2 degrees of attitude that no picture can give back."""
+    outcome = nuisances.run("agile", "frames 20 ms late")
+    assert outcome.errors.max() < 2.0
+
+
+def test_the_nuisances_are_felt():
+    """They do change what the pipeline is given: none leaves the samples, or the estimates, as they were."""
+    _, samples = nuisances.cut("steep")
+    for name, edit in nuisances.NUISANCES.items():
+        changed = edit(list(samples))
+        if name not in ("nothing", "30 % outliers"):
+            assert any(a is not b for a, b in zip(changed, samples, strict=False)), name
+    frame = next(s.image for s in samples if hasattr(s, "image"))
+    for change in (nuisances.shadow, nuisances.propeller):
+        shares = [(change(k, frame) != frame).mean() for k in range(100)]
+        assert 0.03 < max(shares) < 0.17
