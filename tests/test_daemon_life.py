@@ -205,4 +205,4 @@ def test_recorded_flight_can_be_replayed(tmp_path) -> None:
     (folder,) = [p for p in tmp_path.iterdir() if p.is_dir() and (p / "vehicle.tlog").exists()]
     text = replay(ReplayJob("flight", folder))
     assert "estimates" in text
-    assert live > 50
+    assert live > 20
