@@ -36,6 +36,7 @@ class MapEstimator:
         self._normal: Array | None = None
         self._weight = np.ones(capacity)
         self._noise = 1.0
+        self._d = np.zeros(3)
 
     def step(self, views: Views) -> Plane:
         """The plane at the newest frame."""
@@ -122,7 +123,14 @@ class MapEstimator:
     ) -> PlaneFit | None:
         tracks = baseline.tracks
         return fit_plane(
-            tracks.new, tracks.old, baseline.old_from_new, tracks.whitener, prior, start, self.options.map_cut
+            tracks.new,
+            tracks.old,
+            baseline.old_from_new,
+            tracks.whitener,
+            prior,
+            start,
+            self._d if start else None,
+            self.options.map_cut,
         )
 
     def _plane(
@@ -134,6 +142,7 @@ class MapEstimator:
             self._weight[:] = 1.0
             self._weight[baseline.tracks.slots] = fit.weight
             self._noise = fit.noise
+            self._d = fit.d
         self._normal = normal
         moving = velocity(
             views,

@@ -78,15 +78,17 @@ def fit_plane(
     whitener: Array,
     prior: FitPrior,
     start: tuple[Array, float, float] | None = None,
+    start_d: Array | None = None,
     cut: float = 5.0,
     iterations: int = 15,
-    tolerance: float = 2e-3,
+    tolerance: float = 2e-2,
 ) -> PlaneFit | None:
     """Fit the plane to tracks ``new`` and ``old`` (n, 2), normalised coordinates of two frames.
 
-    ``whitener`` (3, n) as in ``TrackPair``. ``start`` is (t, a, b); without it the fit starts from a robust
-    homography. None with fewer than eight tracks or when no homography explains them. Tukey weights on the length
-    of each residual, cut at ``cut`` times the noise, which is estimated along the way (median, then the inliers').
+    ``whitener`` (3, n) as in ``TrackPair``. ``start`` is (t, a, b), ``start_d`` (3,) the rotation error; without
+    them the fit starts from a robust homography. None with fewer than eight tracks or when no homography explains
+    them. Tukey weights on the length of each residual, cut at ``cut`` times the noise, which is estimated along the
+    way (median, then the inliers'); done when Newton's decrement is below ``tolerance``.
     """
     if len(new) < PARAMETERS:
         return None
@@ -97,6 +99,8 @@ def fit_plane(
     problem = _Problem(new, old, old_from_new, whitener, prior)
     x = np.zeros(PARAMETERS)
     x[:3], x[3], x[4] = start
+    if start_d is not None:
+        x[5:] = start_d
     residual = problem.residual(x)
     noise = problem.scale(residual, False)
     damping, converged = 0.0, False
@@ -123,7 +127,9 @@ def fit_plane(
             break
     noise = problem.scale(residual, True)
     weight = problem.weights(residual, noise, cut)
-    hessian, _ = problem.normal_equations(x, residual, weight, noise)
+    if not converged:
+        # where the last step was short, its matrix serves
+        hessian, _ = problem.normal_equations(x, residual, weight, noise)
     try:
         covariance: Array = np.linalg.inv(hessian).astype(np.float64)
     except np.linalg.LinAlgError:
