@@ -17,27 +17,17 @@ import time
 from bisect import bisect_left, bisect_right
 from contextlib import ExitStack
 from dataclasses import dataclass
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
-import cv2
 import numpy as np
-from numpy.typing import NDArray
-from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from companion.errors import LandslopeError
+from companion.latency_peers import PictureServer, Telemetry
 from drivers.bus import Endpoints, Subscription
 from drivers.host_clock import now_us
 
-FRAME_RATE_HZ = 30.0
-TELEMETRY_RATE_HZ = 100.0
-STEP_PX = 2
-"""How far the ground moves from frame to frame at 320 pixels across."""
-LOOP_FRAMES = 90
 SETTLE_S = 3.0
 START_S = 30.0
-GUIDED_ARMED = (81 | 128, 4)
-_BOUNDARY = b"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n"
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,9 +56,9 @@ def measure(width: int, height: int, seconds: float) -> LatencyFigures:
     """Run the daemon at one image size for ``seconds``. Raises LandslopeError when it does not come up."""
     with ExitStack() as stack:
         directory = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="landslope-benchmark-")))
-        pictures = stack.enter_context(_PictureServer(width, height))
+        pictures = stack.enter_context(PictureServer(width, height))
         link, bus = _free_port(socket.SOCK_DGRAM), _free_port(socket.SOCK_STREAM)
-        telemetry = stack.enter_context(_Telemetry(link))
+        telemetry = stack.enter_context(Telemetry(link))
         name = f"benchmark{bus}"
         settings = (
             f"camera.source=http://127.0.0.1:{pictures.port}/",
@@ -113,116 +103,6 @@ def table(figures: list[LatencyFigures]) -> str:
             f"{f.cpu_ms_per_frame:>13.1f} {f.rss_mb:>7.0f} {f.growth_mb_per_10_min:>10.1f}"
         )
     return "\n".join(lines)
-
-
-class _PictureServer:
-    """A ground that passes by under the camera, as MJPEG over HTTP; remembers when each frame was sent."""
-
-    def __init__(self, width: int, height: int) -> None:
-        self.sent_us: list[int] = []
-        pictures = _ground(width, height)
-        stop = self._stop = threading.Event()
-        sent_us = self.sent_us
-
-        class Page(BaseHTTPRequestHandler):
-            def do_GET(self) -> None:
-                self.send_response(200)
-                self.send_header("Content-Type", "multipart/x-mixed-replace; boundary=frame")
-                self.end_headers()
-                due, number = time.monotonic(), 0
-                try:
-                    while not stop.is_set():
-                        jpeg = pictures[number % len(pictures)]
-                        sent_us.append(now_us())
-                        self.wfile.write(_BOUNDARY % len(jpeg) + jpeg + b"\r\n")
-                        number += 1
-                        due += 1 / FRAME_RATE_HZ
-                        time.sleep(max(0.0, due - time.monotonic()))
-                except OSError:
-                    return  # the daemon left
-
-            def log_message(self, *args: object) -> None:
-                """Nothing."""
-
-        self._server = ThreadingHTTPServer(("127.0.0.1", 0), Page)
-        self._server.daemon_threads = True
-        self.port = self._server.server_address[1]
-        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True)
-
-    def __enter__(self) -> "_PictureServer":
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stop.set()
-        self._server.shutdown()
-        self._server.server_close()
-
-
-class _Telemetry:
-    """An autopilot that hovers level: telemetry at the usual rates; remembers when each ATTITUDE was sent."""
-
-    def __init__(self, port: int) -> None:
-        self.sent_us: list[int] = []
-        self._target = ("127.0.0.1", port)
-        self._mav = dialect.MAVLink(None, 1, 1)
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
-
-    def __enter__(self) -> "_Telemetry":
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stop.set()
-        self._thread.join()
-        self._socket.close()
-
-    def _run(self) -> None:
-        start = due = time.monotonic()
-        number = 0
-        while not self._stop.is_set():
-            boot_us = round((time.monotonic() - start) * 1e6) + 1_000_000
-            self._send(dialect.MAVLink_raw_imu_message(boot_us, 0, 0, -1000, 0, 0, 0, 0, 0, 0))
-            self._send(dialect.MAVLink_attitude_message(boot_us // 1000, 0, 0, 0, 0, 0, 0))
-            self.sent_us.append(now_us())
-            if number % 4 == 0:
-                self._send(dialect.MAVLink_local_position_ned_message(boot_us // 1000, 0, 0, -2, 0.5, 0, 0))
-            if number % 50 == 0:
-                self._send(dialect.MAVLink_extended_sys_state_message(0, 2))
-                base, mode = GUIDED_ARMED
-                self._send(dialect.MAVLink_heartbeat_message(2, 3, base, mode, 4, 3))
-            number += 1
-            due += 1 / TELEMETRY_RATE_HZ
-            time.sleep(max(0.0, due - time.monotonic()))
-
-    def _send(self, message: dialect.MAVLink_message) -> None:
-        try:
-            self._socket.sendto(bytes(message.pack(self._mav)), self._target)
-        except OSError:
-            return  # nobody listens yet
-        finally:
-            self._mav.seq = (self._mav.seq + 1) % 256
-
-
-def _ground(width: int, height: int) -> list[bytes]:
-    """JPEGs of a textured ground moving by, in a loop."""
-    step = max(1, round(STEP_PX * width / 320))
-    random = np.random.default_rng(1)
-    noise = random.random((height, step * LOOP_FRAMES), np.float32)
-    grain = cv2.GaussianBlur(np.tile(noise, 3), (0, 0), 1.5 * width / 320)[
-        :, step * LOOP_FRAMES : 2 * step * LOOP_FRAMES
-    ]
-    texture = np.tile(_scaled(np.asarray(grain, np.float32)), (1, 2 + width // (step * LOOP_FRAMES)))
-    pictures = [texture[:, step * i : step * i + width] for i in range(LOOP_FRAMES)]
-    return [cv2.imencode(".jpg", np.ascontiguousarray(p))[1].tobytes() for p in pictures]
-
-
-def _scaled(grain: NDArray[np.float32]) -> NDArray[np.uint8]:
-    low, high = float(grain.min()), float(grain.max())
-    return ((grain - low) * (235 / (high - low)) + 10).astype(np.uint8)
 
 
 def _daemon(settings: tuple[str, ...], directory: Path) -> "subprocess.Popen[bytes]":
