@@ -1,6 +1,7 @@
 """Estimates of a flight against its truth.csv: how wrong, how often, how safe.
 
-``python tests/score.py FLIGHT ESTIMATES.jsonl`` prints the figures. Truth has one row a camera frame:
+``python tests/score.py FLIGHT ESTIMATES.jsonl`` prints the figures, ``--table DIRECTORY FLIGHT...`` a row for each
+flight whose estimates are DIRECTORY/FLIGHT.jsonl. Truth has one row a camera frame:
 ``slope_a``, ``slope_b`` (tangents, camera frame), ``inclination_deg``, ``cam_wx`` to ``cam_wz`` (camera velocity
 over the distance along the axis, 1/s), ``plane_fraction`` (share of the view that belongs to the plane under the
 axis), ``relief`` (RMS distance of all that is in view from its best plane, over the distance along the axis) and
@@ -139,8 +140,37 @@ def _separation(low: np.ndarray, high: np.ndarray) -> float | None:
     return float(1 - (below + strictly).sum() / 2 / (low.size * high.size))
 
 
+def row(name: str, s: Score) -> str:
+    """The figures as a row of the table in docs/estimator.md: medians and 95th percentiles."""
+
+    def pair(e: Errors, scale: float = 1.0, digits: int = 2) -> str:
+        if e.median is None or e.p95 is None:
+            return "-"
+        return f"{e.median * scale:.{digits}f} / {e.p95 * scale:.{digits}f}"
+
+    landable = s.landable_said_flat + s.landable_missed
+    cells = [
+        f"`{name}`",
+        pair(s.slope),
+        pair(s.inclination),
+        pair(s.inclination_over_std),
+        f"{s.coverage:.2f}",
+        pair(s.ventral_flow, 100, 1),
+        pair(s.time_to_contact, 100, 1),
+        f"{s.unsafe_said_flat} of {s.unsafe_said_flat + s.unsafe_refused}",
+        f"{100 * s.landable_missed / landable:.1f}" if landable else "-",
+        "-" if s.roughness_auc is None else f"{s.roughness_auc:.3f}",
+    ]
+    return f"| {' | '.join(cells)} |"
+
+
 def main() -> None:
-    """Print the figures of one flight."""
+    """Print the figures of one flight, or a table of several."""
+    if sys.argv[1] == "--table":
+        estimates, *flights = map(Path, sys.argv[2:])
+        for flight in flights:
+            print(row(flight.name, score(flight, read_estimates(estimates / f"{flight.name}.jsonl"))))
+        return
     flight, estimates = map(Path, sys.argv[1:])
     print(json.dumps(asdict(score(flight, read_estimates(estimates))), indent=1))
 
