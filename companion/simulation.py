@@ -46,6 +46,7 @@ POLL_S = 0.05
 WATCH_PORT = 7447
 """Where a flight that others may watch listens, unless the settings say so."""
 DRAIN_S = 0.5
+SAME_EXPOSURE_US = 2000
 TYPES = {topic.name: topic.type for topic in TOPICS if topic.type is not None}
 
 Progress = Callable[[float, float], None]
@@ -86,8 +87,6 @@ def fly_live(
     cv2.setNumThreads(1)
     with ExitStack() as stack:
         directory = Path(stack.enter_context(TemporaryDirectory()))
-        stack.callback(host_clock.run_at, 1.0)
-        host_clock.run_at(options.speed)
         scene = Scene(scenario)
         settings = flight_settings(scenario, scene, directory, config, overrides)
         hardware = _hardware(scenario, scene, options)
@@ -116,7 +115,11 @@ class _LiveFlight:
         self._airborne = scenario.start.height_m > 0 and options.ardupilot is None
         self._pilot: Pilot | None = None
         self._limit_deg = settings.decision.max_inclination_deg
+        self._offset_us = round(settings.camera.time_offset_s * 1e6)
         self._hardware = hardware
+        # The companion's clock is the simulation's: on a machine that cannot keep up, both stretch alike.
+        self._base_us = host_clock.now_us()
+        stack.enter_context(host_clock.driven(lambda: self._clock_us(hardware.now_s)))
         stack.callback(hardware.stop)
         self._zero_s: float | None = None
         self._path_due_s = 0.0
@@ -173,6 +176,10 @@ class _LiveFlight:
         if self._failure is not None:
             raise self._failure
 
+    def _clock_us(self, time_s: float) -> int:
+        """The companion's clock at a simulated time."""
+        return self._base_us + round(time_s * 1e6)
+
     def _open_camera(self, notify: Notify) -> Camera:
         camera = self._scenario.camera
         lag_s = camera.latency_s + 0.5 * (camera.exposure_s + camera.readout_s)
@@ -182,19 +189,18 @@ class _LiveFlight:
                 self._picture,
                 lambda: self._hardware.now_s,
                 lambda: self._scene.poses.newest_s,
+                lambda time_s: self._clock_us(time_s + camera.late_s),
                 rate_hz=camera.rate_hz,
-                late_s=camera.late_s,
                 lag_s=lag_s,
             )
 
         return ReaderCamera("simulated", make, ReaderLimits(), notify)
 
     def _picture(self, number: int, time_s: float) -> NDArray[np.uint8] | None:
-        companion_us = host_clock.now_us() - round((self._hardware.now_s - time_s) * 1e6)
-        self._exposures.append((companion_us, time_s))
+        stamp_us = self._clock_us(time_s + self._scenario.camera.late_s)
+        self._exposures.append((stamp_us, time_s))
         if self._record is not None:
-            late_us = round(self._scenario.camera.late_s * 1e6)
-            self._truths.append((companion_us + late_us, self._scene.truth(number, time_s)))
+            self._truths.append((stamp_us, self._scene.truth(number, time_s)))
         return self._scene.picture(number, time_s, time_s - (self._zero_s or np.inf))
 
     def _await_ready(self) -> None:
@@ -207,7 +213,7 @@ class _LiveFlight:
 
     def _begin(self) -> None:
         zero_s = self._scene.vehicle.time_s
-        self.result.epoch_us = host_clock.now_us() - round((self._hardware.now_s - zero_s) * 1e6)
+        self.result.epoch_us = self._clock_us(zero_s)
         self._zero_s = zero_s
 
     def _watch_to_the_end(self, progress: Progress) -> None:
@@ -260,10 +266,8 @@ class _LiveFlight:
 
     def _request(self, event: Event) -> None:
         """The truth of the frame that the request speaks of."""
-        camera = self._scenario.camera
-        exposed_s = [
-            s for us, s in self._exposures if abs(us + camera.late_s * 1e6 - event.time_unix_us) < 2e4
-        ]
+        stamp_us = event.time_unix_us + self._offset_us
+        exposed_s = [s for us, s in self._exposures if abs(us - stamp_us) < SAME_EXPOSURE_US]
         zero_s = self._zero_s or 0.0
         time_s = exposed_s[-1] if exposed_s else self._scene.vehicle.time_s
         truth = self._scene.truth(event.frame or 0, time_s)

@@ -1,26 +1,41 @@
 """The companion's clock: monotonic, set against the wall clock once; setting the wall clock moves nothing."""
 
+import threading
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 _WALL_MINUS_MONOTONIC_US = time.time_ns() // 1000 - time.monotonic_ns() // 1000
-_speed = 1.0
-_origin_us = 0
+_drivers: list[Callable[[], int]] = []
 
 
 def now_us() -> int:
     """Microseconds since the Unix epoch as the wall clock stood when the process began; never jumps."""
-    real_us = time.monotonic_ns() // 1000 + _WALL_MINUS_MONOTONIC_US
-    return real_us if _speed == 1.0 else _origin_us + round((real_us - _origin_us) * _speed)
+    if _drivers:
+        return _drivers[-1]()
+    return time.monotonic_ns() // 1000 + _WALL_MINUS_MONOTONIC_US
 
 
-def run_at(speed: float) -> None:
-    """Let the companion's clock run ``speed`` times as fast from now on: for simulations only, in a process of its own.
+@contextmanager
+def driven(clock_us: Callable[[], int]) -> Iterator[None]:
+    """Let ``clock_us`` be the companion's clock for a while: for simulations, whose time is their own.
 
-    Going back to 1 lets it fall back to the true time.
+    A reading that falls back is held at the newest one.
     """
-    global _speed, _origin_us
-    _origin_us = time.monotonic_ns() // 1000 + _WALL_MINUS_MONOTONIC_US
-    _speed = speed
+    lock = threading.Lock()
+    newest = 0
+
+    def steady() -> int:
+        nonlocal newest
+        with lock:
+            newest = max(newest, clock_us())
+            return newest
+
+    _drivers.append(steady)
+    try:
+        yield
+    finally:
+        _drivers.remove(steady)
 
 
 def from_monotonic_us(monotonic_us: int) -> int:

@@ -21,8 +21,8 @@ from drivers.simulated.sensors import SensorErrors, Sensors
 from drivers.simulated.telemetry_streams import Origin, TelemetryStreams
 from drivers.simulated.vehicle import Multirotor
 
-LONGEST_LAG_S = 1.0
-"""Physics that falls behind the clock by more than this does not catch up."""
+LONGEST_LAG_S = 0.1
+"""Physics that falls behind the clock by more than this does not catch up: time stretches."""
 
 
 @dataclass(slots=True)
@@ -105,6 +105,10 @@ class SimulatedAutopilot:
         """Simulated time at this moment, which the physics has not quite reached yet; ``time_s`` when driven."""
         if self._thread is None:
             return self.time_s
+        return min(self._paced_s(), self.time_s + LONGEST_LAG_S * self.speed)
+
+    def _paced_s(self) -> float:
+        """Where the clock says that simulated time should be."""
         started, origin = self._pace
         return origin + (self._clock() - started) * self.speed
 
@@ -190,11 +194,11 @@ class SimulatedAutopilot:
 
     def _run(self) -> None:
         while not self._stop.is_set():
-            now = self.now_s
+            now = self._paced_s()
             if now - self.time_s > LONGEST_LAG_S * self.speed:
                 # The machine slept or is too slow: time stretches rather than bursts.
-                self._pace = (self._clock(), self.time_s)
-                now = self.time_s
+                now = self.time_s + LONGEST_LAG_S * self.speed
+                self._pace = (self._clock(), now)
             self.advance(now)
             wait = (self._started_s + (self._steps + 1) * self._step_s - now) / self.speed
             select.select(self._endpoint.sockets(), [], [], max(wait, 0.0))

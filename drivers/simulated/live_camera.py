@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from drivers.cameras.interface import Grab
 from drivers.errors import DriverError
-from drivers.host_clock import now_us
 
 POLL_S = 0.002
 PATIENCE_S = 5.0
@@ -20,8 +19,9 @@ Picture = Callable[[int, float], NDArray[np.uint8] | None]
 class SimulatedGrabber:
     """Waits for the physics to pass the next exposure and renders it; a slow machine skips exposures.
 
-    ``now_s`` is the simulated time, ``reached_s`` how far the physics has come. ``late_s``: how late the
-    stamps are; ``lag_s``: simulated time that must have passed beyond an exposure (half of it, and the transport).
+    ``now_s`` is the simulated time, ``reached_s`` how far the physics has come, ``stamp_us`` makes the stamp of an
+    exposure at a simulated time; ``lag_s``: simulated time that must have passed beyond it (half the exposure, and
+    the transport).
     """
 
     def __init__(
@@ -29,15 +29,15 @@ class SimulatedGrabber:
         picture: Picture,
         now_s: Callable[[], float],
         reached_s: Callable[[], float],
+        stamp_us: Callable[[float], int],
         *,
         rate_hz: float,
-        late_s: float = 0.0,
         lag_s: float = 0.0,
     ) -> None:
         if rate_hz <= 0:
             raise DriverError(f"the simulated camera's rate must be positive, got {rate_hz}")
-        self._picture, self._now_s, self._reached_s = picture, now_s, reached_s
-        self._period_s, self._late_s, self._lag_s = 1.0 / rate_hz, late_s, lag_s
+        self._picture, self._now_s, self._reached_s, self._stamp_us = picture, now_s, reached_s, stamp_us
+        self._period_s, self._lag_s = 1.0 / rate_hz, lag_s
         self._number = 0
         self._closed = False
 
@@ -61,8 +61,7 @@ class SimulatedGrabber:
         self._number = max(number + 1, int((self._reached_s() - self._lag_s) / self._period_s))
         if image is None:
             raise DriverError("the simulated camera is unplugged")
-        captured_us = now_us() - round((self._now_s() - due_s - self._late_s) * 1e6)
-        return Grab(image, captured_us)
+        return Grab(image, self._stamp_us(due_s))
 
     def close(self) -> None:
         """No more pictures."""
