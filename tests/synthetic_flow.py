@@ -140,7 +140,7 @@ def trials(count: int, outliers: float, seed: int, cut: float = 5.0) -> Iterator
             bearing = rng.uniform(0, 2 * np.pi)
             a, b = slope * np.cos(bearing), slope * np.sin(bearing)
             made = tracks(rng, displacement_over_height(motion, tau), a, b, outliers)
-            fit = fit_plane(made.new, made.old, made.measured, made.whitener, prior, None, cut)
+            fit = fit_plane(made.new, made.old, made.measured, made.whitener, prior, cut=cut)
             yield trial((motion, tau, slope_deg, outliers), made, fit, prior)
 
 
