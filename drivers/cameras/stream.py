@@ -1,6 +1,8 @@
 """Network streams through OpenCV's FFmpeg: RTSP, HTTP and MJPEG, MPEG-TS or raw H.264 over UDP, RTP by an .sdp file."""
 
+import contextlib
 import os
+from collections.abc import Iterator
 
 import cv2
 from cv2.utils import logging as cv2_logging
@@ -28,6 +30,19 @@ def ffmpeg_options(transport: str) -> str:
     )
 
 
+@contextlib.contextmanager
+def _options(options: str) -> Iterator[None]:
+    """FFmpeg's options while a stream is opened; a video file opened later must not find them."""
+    if OPTIONS_VARIABLE in os.environ:
+        yield
+        return
+    os.environ[OPTIONS_VARIABLE] = options
+    try:
+        yield
+    finally:
+        os.environ.pop(OPTIONS_VARIABLE, None)
+
+
 class StreamGrabber:
     """One stream, read as fast as it comes, so that nothing old waits in a buffer."""
 
@@ -43,7 +58,6 @@ class StreamGrabber:
         # FFmpeg tells every failed attempt on stderr; here they come as events and in the status.
         os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
         cv2_logging.setLogLevel(cv2_logging.LOG_LEVEL_ERROR)
-        os.environ.setdefault(OPTIONS_VARIABLE, ffmpeg_options(self._wanted.transport))
         timeouts = [
             cv2.CAP_PROP_OPEN_TIMEOUT_MSEC,
             round(self._limits.open_timeout_s * 1000),
@@ -52,7 +66,8 @@ class StreamGrabber:
             cv2.CAP_PROP_N_THREADS,  # frame threads would each hold a frame back
             1,
         ]
-        self._capture = cv2.VideoCapture(self._url, cv2.CAP_FFMPEG, timeouts)
+        with _options(ffmpeg_options(self._wanted.transport)):
+            self._capture = cv2.VideoCapture(self._url, cv2.CAP_FFMPEG, timeouts)
         if not self._capture.isOpened():
             raise DriverError(f"{self._url}: no video there; is the address right and the sender running?")
 
