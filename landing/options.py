@@ -39,16 +39,12 @@ class TrackingOptions:
     corner_max_std_px: Annotated[float, Limits(0.01, 2, "px", "worst predicted error of a corner")] = 0.4
     corner_px: Annotated[int, Limits(3, 41, "px", "side of the window a corner is found by")] = 5
     spacing_px: Annotated[int, Limits(0, 50, "px", "new corners keep this far from tracks")] = 7
-    anchors: Annotated[int, Limits(1, 8, "", "images that tracks are matched against at once")] = 3
     twin_px: Annotated[float, Limits(1, 50, "px", "tracks as near as this are one")] = 5.0
     renew_below: Annotated[float, Limits(0, 1, "", "share of tracks left at which corners are added")] = 0.75
     renew_after_frames: Annotated[int, Limits(1, 1000, "frames", "oldest reference image")] = 15
     renew_after_cells: Annotated[float, Limits(0.05, 10, "cells", "motion after which corners are added")] = (
         0.3
     )
-    renew_after_growth: Annotated[
-        float, Limits(0.01, 1, "", "largest growth or turn (rad) from the reference")
-    ] = 0.06
     forward_backward_max_px: Annotated[
         float, Limits(0.05, 5, "px", "a track that does not come back to its start within this is refused")
     ] = 0.5

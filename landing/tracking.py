@@ -1,9 +1,9 @@
 """Corners and their tracks: Shi-Tomasi corners spread by a grid, followed by pyramidal Lucas-Kanade.
 
-Each track is matched against the image where it was found, its anchor, and not against the frame before, so that
-errors do not add up; it gets a new anchor when the old one looks too different or is one too many. Corners are
-added in the empty cells of the grid as the view moves on. The positions of the last frames stay in a ring, so an
-estimator can take any gap between two frames without tracking again.
+Each frame is matched against one reference image and not against the frame before, so that errors add up from
+reference to reference only; the reference is renewed, and corners are added in the empty cells of the grid, when the
+view has moved on by a part of a cell. The positions of the last frames stay in a ring, so an estimator can take any
+gap between two frames without tracking again.
 """
 
 from dataclasses import dataclass
@@ -40,14 +40,6 @@ class TrackPair:
     whitener: Points
 
 
-@dataclass(slots=True)
-class _Anchor:
-    """An image that tracks are matched against, and the frame it was taken at."""
-
-    image: Image
-    frame: int
-
-
 class FeatureTracker:
     """Follows up to ``options.max_features`` corners through a sequence of grey images of one size."""
 
@@ -65,11 +57,10 @@ class FeatureTracker:
         self.pixel_history = np.full((self.HISTORY, n, 2), np.nan, np.float32)
         self.whitener = np.ones((3, n))
         self.refused = 0
-        self._anchors: list[_Anchor] = []
-        self._anchor_of = np.zeros(n, np.int64)
-        self._anchor_px = np.zeros((n, 2), np.float32)
-        self._placed_px = np.zeros((n, 2), np.float32)
-        self._placed_count = 0
+        self._reference: Image | None = None
+        self._reference_frame = -1
+        self._reference_px = np.zeros((n, 2), np.float32)
+        self._reference_count = 0
         self._cell = max(8, round((camera.width * camera.height / (1.15 * n)) ** 0.5))
         self._rows, self._cols = camera.height // self._cell, camera.width // self._cell
         self._top = (camera.height - self._rows * self._cell) // 2
@@ -78,7 +69,7 @@ class FeatureTracker:
     def reset(self) -> None:
         """Forget all tracks: the next frame starts anew."""
         self.frame = -1
-        self._anchors.clear()
+        self._reference = None
         self.alive[:] = False
 
     def step(self, image: Image, new_from_previous: NDArray[np.float64] | None = None) -> None:
@@ -89,9 +80,9 @@ class FeatureTracker:
         """
         image = self._prepared(image)
         self.frame += 1
-        if self._anchors:
-            self._follow(image, new_from_previous)
-        if not self._anchors or self._changed():
+        if self._reference is not None:
+            self._follow(self._reference, image, new_from_previous)
+        if self._reference is None or self._changed():
             self._place(image)
         normalised = self.history[self.frame % self.HISTORY]
         normalised[:] = np.nan
@@ -131,7 +122,7 @@ class FeatureTracker:
             image = cv2.GaussianBlur(image, (5, 5), o.blur_px)
         return image
 
-    def _follow(self, image: Image, new_from_previous: NDArray[np.float64] | None) -> None:
+    def _follow(self, reference: Image, image: Image, new_from_previous: NDArray[np.float64] | None) -> None:
         slots = np.flatnonzero(self.alive)
         if not len(slots):
             return
@@ -142,33 +133,27 @@ class FeatureTracker:
             p = previous @ new_from_previous[:, :2].T + new_from_previous[:, 2]
             guess = self.camera.project(p[:, :2] / p[:, 2:]).astype(np.float32)
             levels = o.levels
-        owner = self._anchor_of[slots]
-        for anchor in self._anchors:
-            mine = np.flatnonzero(owner == anchor.frame)
-            if not len(mine):
-                continue
-            start = self._anchor_px[slots[mine]]
-            found, good, inside = self._match(anchor.image, image, start, guess[mine], levels)
-            if new_from_previous is not None and np.count_nonzero(inside & ~good) > o.retry_share * len(mine):
-                # the prediction was wrong: search as if there were none
-                found, good, inside = self._match(
-                    anchor.image, image, start, self.pixels[slots[mine]], o.levels_unpredicted
-                )
-            self.refused += int(np.count_nonzero(inside & ~good))
-            self.pixels[slots[mine]] = found
-            self.alive[slots[mine[~good]]] = False
+        start = self._reference_px[slots]
+        found, good, inside = self._match(reference, image, start, guess, levels)
+        if new_from_previous is not None and np.count_nonzero(inside & ~good) > o.retry_share * len(slots):
+            # the prediction was wrong: search as if there were none
+            last = self.pixels[slots]
+            found, good, inside = self._match(reference, image, start, last, o.levels_unpredicted)
+        self.refused += int(np.count_nonzero(inside & ~good))
+        self.pixels[slots] = found
+        self.alive[slots[~good]] = False
 
     def _match(
-        self, anchor: Image, image: Image, start: Image, guess: Image, levels: int
+        self, reference: Image, image: Image, start: Image, guess: Image, levels: int
     ) -> tuple[Image, NDArray[np.bool_], NDArray[np.bool_]]:
-        """Places (n, 2) px of the anchor's points in the image, which are good, and which lie inside."""
+        """Places (n, 2) px of the reference's points in the image, which are good, and which lie inside."""
         o = self.options
         window = (o.window_px, o.window_px)
         found, status, _ = cv2.calcOpticalFlowPyrLK(
-            anchor, image, start, guess.copy(), None, None, window, levels, _CRITERIA, _GUESS, 1e-4
+            reference, image, start, guess.copy(), None, None, window, levels, _CRITERIA, _GUESS, 1e-4
         )
         back, status_back, _ = cv2.calcOpticalFlowPyrLK(
-            image, anchor, found, start.copy(), None, None, window, 0, _CRITERIA, _GUESS, 1e-4
+            image, reference, found, start.copy(), None, None, window, 0, _CRITERIA, _GUESS, 1e-4
         )
         margin = o.window_px / 2
         limit = (self.camera.width - 1 - margin, self.camera.height - 1 - margin)
@@ -181,11 +166,11 @@ class FeatureTracker:
         """Whether so much of the view is new that corners must be added."""
         o = self.options
         slots = np.flatnonzero(self.alive)
-        if not len(slots) or len(slots) < o.renew_below * self._placed_count:
+        if not len(slots) or len(slots) < o.renew_below * self._reference_count:
             return True
-        if self.frame - self._anchors[-1].frame >= o.renew_after_frames:
+        if self.frame - self._reference_frame >= o.renew_after_frames:
             return True
-        moved = np.abs(self.pixels[slots] - self._placed_px[slots]).max(axis=1)
+        moved = np.abs(self.pixels[slots] - self._reference_px[slots]).max(axis=1)
         return float(np.partition(moved, len(moved) // 2)[len(moved) // 2]) > o.renew_after_cells * self._cell
 
     def _cells(self, pixels: NDArray[np.float32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -200,7 +185,7 @@ class FeatureTracker:
         return cells
 
     def _place(self, image: Image) -> None:
-        """Make this frame an anchor and put a corner into every cell that has no track."""
+        """Take this frame as the reference and put a corner into every cell that has no track."""
         o = self.options
         self._drop_twins()
         tensor = structure_tensor(image)
@@ -208,19 +193,10 @@ class FeatureTracker:
         if len(corners) > int((~self.alive).sum()):
             self._thin_out()
         free = np.flatnonzero(~self.alive)[: len(corners)]
-        corners = corners[: len(free)]
-        self.pixels[free] = corners
+        self.pixels[free] = corners[: len(free)]
         self.alive[free] = True
         self.born[free] = self.frame
-        # tracks whose anchor is too old or looks too different are matched against this frame from now on
-        moved = self._worn_anchors()
-        moved[free] = True
-        slots = np.flatnonzero(moved)
-        self._anchor_of[slots] = self.frame
-        self._anchor_px[slots] = self.pixels[slots]
-        self._anchors.append(_Anchor(image, self.frame))
-        used = set(self._anchor_of[self.alive].tolist())
-        self._anchors = [a for a in self._anchors if a.frame in used or a.frame == self.frame]
+        slots = np.flatnonzero(self.alive)
         if len(slots):
             x, y = np.rint(self.pixels[slots]).astype(int).T
             side, half = o.window_px, o.window_px // 2
@@ -229,8 +205,9 @@ class FeatureTracker:
             patches = [sliding_window_view(t, (side, side))[y, x] for t in tensor]
             around = np.array([patch.mean(axis=(1, 2), dtype=np.float64) for patch in patches])
             self.whitener[:, slots] = self._whitener(around)
-        self._placed_px[:] = self.pixels
-        self._placed_count = int(self.alive.sum())
+        self._reference, self._reference_frame = image, self.frame
+        self._reference_px[:] = self.pixels
+        self._reference_count = len(slots)
 
     def _corners(self, tensor: tuple[Image, Image, Image]) -> NDArray[np.float32]:
         """The best corner (n, 2) px of each empty cell, best first (Shi and Tomasi's smaller eigenvalue)."""
@@ -260,24 +237,6 @@ class FeatureTracker:
         u = self._left + (cells % cols) * s + best[cells] % s
         v = self._top + (cells // cols) * s + best[cells] // s
         return np.column_stack((u, v)).astype(np.float32)
-
-    def _worn_anchors(self) -> NDArray[np.bool_]:
-        """Slots (capacity,) to be matched against a new image: anchor too old, or grown or turned too much."""
-        o = self.options
-        worn = np.zeros(len(self.alive), bool)
-        for k, anchor in enumerate(self._anchors):
-            slots = np.flatnonzero(self.alive & (self._anchor_of == anchor.frame))
-            if not len(slots):
-                continue
-            crowded = k < len(self._anchors) - (o.anchors - 1)
-            a = self._anchor_px[slots] - self._anchor_px[slots].mean(axis=0)
-            b = self.pixels[slots] - self.pixels[slots].mean(axis=0)
-            spread = float((a * a).sum()) + 1e-9
-            growth = float((a * b).sum()) / spread - 1
-            turn = float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()) / spread
-            if crowded or max(abs(growth), abs(turn)) > o.renew_after_growth:
-                worn[slots] = True
-        return worn
 
     def _whitener(self, tensor: Points) -> Points:
         """c11, c12, c22 (3, n) for mean structure tensors xx, xy, yy (3, n) in grey levels squared per pixel."""
