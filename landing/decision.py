@@ -59,6 +59,25 @@ def against_flat(estimate: SurfaceEstimate, options: DecisionOptions, widen: flo
     return tuple(reasons)
 
 
+def against_landing(
+    estimate: SurfaceEstimate, options: DecisionOptions, widen: float = 0.0
+) -> tuple[str, ...]:
+    """What stands against landing here: what stands against flat, and relief too large in metres where height is known.
+
+    Relief over the distance shrinks with height: from far up a box looks even that would tip a vehicle over.
+    """
+    reasons = against_flat(estimate, options, widen)
+    if reasons or not math.isfinite(estimate.height_m):
+        return reasons
+    upper = (estimate.roughness + options.roughness_sigmas * estimate.roughness_std) * estimate.height_m
+    limit = options.max_relief_m * (1 + widen)
+    if upper > limit:
+        return (
+            f"too high to tell: relief may be {upper:.3f} m from {estimate.height_m:.1f} m, limit {limit:.3f} m",
+        )
+    return ()
+
+
 class Decider:
     """The verdict over time: flat for a dwell time before it is fit, wider limits while it is."""
 
@@ -72,7 +91,7 @@ class Decider:
         """Take the next estimate; times must not fall."""
         o, now = self.options, estimate.time_s
         fit = self._verdict.verdict == "fit"
-        reasons = against_flat(estimate, o, o.hysteresis if fit else 0.0)
+        reasons = against_landing(estimate, o, o.hysteresis if fit else 0.0)
         if not reasons:
             self._seen_s = now
             if self._flat_since is None:
@@ -81,7 +100,7 @@ class Decider:
             if fit or held >= o.dwell_s:
                 return self._turn("fit", (), now)
             return self._turn("unknown", (f"flat for {held:.1f} s only, {o.dwell_s:.1f} s asked for",), now)
-        certain = any(reason.startswith("too ") for reason in reasons)
+        certain = any(reason.startswith(("too steep", "too rough", "too little")) for reason in reasons)
         if fit and not certain and now - self._seen_s <= o.patience_s:
             return self._turn("fit", (), now)
         if certain or now - self._seen_s > o.patience_s:

@@ -161,6 +161,9 @@ class DecisionOptions:
     dwell_s: Annotated[float, Limits(0, 10, "s", "how long a surface must be flat before it is fit")] = 0.5
     patience_s: Annotated[float, Limits(0, 5, "s", "how long a fit surface may go without an estimate")] = 0.3
     roughness_sigmas: Annotated[float, Limits(0, 6, "", "standard deviations added to the roughness")] = 1.0
+    max_relief_m: Annotated[
+        float, Limits(0.005, 10, "m", "RMS relief landed on, where the height is known")
+    ] = 0.05
     max_standing: Annotated[int, Limits(0, 100, "", "points that may stand out from a flat surface")] = 1
     min_coverage: Annotated[float, Limits(0, 1, "", "smallest share of the image with tracks")] = 0.35
 

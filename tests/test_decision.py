@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from landing.decision import Decider, against_flat
+from landing.decision import Decider, against_flat, against_landing
 from landing.estimate import SurfaceEstimate
 from landing.options import DecisionOptions
 
@@ -150,3 +150,16 @@ def test_fit_always_rests_on_a_flat_dwell_and_recent_sight(steps: list[tuple[Sur
         else:
             assert verdict.reasons
         fit_before = fit
+
+
+def test_from_far_up_what_is_flat_is_not_fit_until_its_relief_can_be_told():
+    options = replace(OPTIONS, max_relief_m=0.05)
+    far, near = replace(FLAT, height_m=20.0, height_std_m=1.0), replace(FLAT, height_m=5.0, height_std_m=0.2)
+    assert against_flat(far, options) == ()
+    assert against_landing(near, options) == ()
+    assert against_landing(FLAT, options) == (), "without a height there is only relief over distance"
+    (reason,) = against_landing(far, options)
+    assert "20.0 m" in reason
+    assert "0.050 m" in reason
+    assert "fit" not in run(Decider(options), [far] * 20)
+    assert run(Decider(options), [far] * 5 + [near] * 10)[-1] == "fit"
