@@ -7,13 +7,16 @@ lags: the newest estimate is always part of the result.
 """
 
 import math
-from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+
+
+_CAPACITY = 512
+"""Estimates remembered at most; half of them when the store is full."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,26 +32,20 @@ class EvidenceOptions:
     floor_std: float
 
 
-@dataclass(frozen=True, slots=True)
-class _Entry:
-    frame: int
-    time_s: float
-    slope: Array
-    covariance: Array
-    share: float
-
-
 class Evidence:
     """Remembers the estimates of the last seconds; ``fuse`` returns the slope in the newest camera frame."""
 
     def __init__(self, options: EvidenceOptions) -> None:
         self.options = options
-        self._entries: deque[_Entry] = deque()
         self.used = 0
+        self._first = self._end = 0
+        self._frame = np.zeros(_CAPACITY, np.int64)
+        self._time_s, self._share = np.zeros(_CAPACITY), np.zeros(_CAPACITY)
+        self._slope, self._covariance = np.zeros((_CAPACITY, 2)), np.zeros((_CAPACITY, 2, 2))
 
     def clear(self) -> None:
         """Forget: the surface is another one."""
-        self._entries.clear()
+        self._first = self._end = 0
 
     def add(
         self,
@@ -64,53 +61,64 @@ class Evidence:
         turned = to_world(ned_from_camera, a, b, covariance)
         if turned is None:
             return
+        self._forget(time_s)
+        if self._end == _CAPACITY:
+            kept = slice(max(self._first, _CAPACITY // 2), _CAPACITY)
+            for store in (self._frame, self._time_s, self._share, self._slope, self._covariance):
+                store[: kept.stop - kept.start] = store[kept].copy()
+            self._first, self._end = 0, kept.stop - kept.start
+        end = self._end
         # neighbouring estimates share their tracks: a baseline's worth of frames counts as one
-        share = min(1.0, 1.0 / max(1.0, gap * self.options.overlap))
-        self._entries.append(_Entry(frame, time_s, turned[0], turned[1], share))
-        while self._entries and time_s - self._entries[0].time_s > self.options.memory_s:
-            self._entries.popleft()
+        self._share[end] = min(1.0, 1.0 / max(1.0, gap * self.options.overlap))
+        self._frame[end], self._time_s[end] = frame, time_s
+        self._slope[end], self._covariance[end] = turned
+        self._end += 1
 
     @property
     def newest_frame(self) -> int | None:
         """Frame of the newest estimate remembered."""
-        return self._entries[-1].frame if self._entries else None
+        return int(self._frame[self._end - 1]) if self._end > self._first else None
 
     def fuse(self, time_s: float, ned_from_camera: Array) -> tuple[float, float, Array] | None:
         """(a, b, covariance (2, 2)) in the newest camera frame, None without anything remembered."""
         o = self.options
-        while self._entries and time_s - self._entries[0].time_s > o.memory_s:
-            self._entries.popleft()
-        if not self._entries:
+        self._forget(time_s)
+        if self._end == self._first:
             return None
-        newest_first = list(reversed(self._entries))
-        slope = np.array([e.slope for e in newest_first])
-        age = time_s - np.array([e.time_s for e in newest_first])
-        covariance = np.array([e.covariance for e in newest_first])
-        covariance[:, 0, 0] += o.drift_std**2 * age
-        covariance[:, 1, 1] += o.drift_std**2 * age
+        # newest first
+        order = slice(self._end - 1, self._first - 1 if self._first else None, -1)
+        slope, share = self._slope[order], self._share[order]
+        drift = o.drift_std**2 * (time_s - self._time_s[order])
+        covariance = self._covariance[order].copy()
+        covariance[:, 0, 0] += drift
+        covariance[:, 1, 1] += drift
         information = _inverse(covariance)
-        share = np.array([e.share for e in newest_first])[:, None, None]
-        total = np.cumsum(information * share, axis=0)
-        weighted = np.cumsum(((information * share) @ slope[..., None])[..., 0], axis=0)
+        counted = information * share[:, None, None]
+        total = counted.cumsum(axis=0)
+        weighted = (counted @ slope[..., None])[..., 0].cumsum(axis=0)
         mean = (_inverse(total) @ weighted[..., None])[..., 0]
-        last = len(newest_first)
+        last = len(slope)
         if last > 1:
             difference = slope[1:] - mean[:-1]
             # a short sum knows no less than its best member
-            spread = _inverse(np.maximum(1.0, 1.0 / np.cumsum(share[:-1, 0, 0]))[:, None, None] * total[:-1])
-            test = _inverse(covariance[1:] + spread)
+            enough = np.maximum(1.0, 1.0 / share[:-1].cumsum())
+            test = _inverse(covariance[1:] + _inverse(enough[:, None, None] * total[:-1]))
             distance = (difference[:, None, :] @ test @ difference[..., None])[:, 0, 0]
             disagree = np.flatnonzero(distance > o.agreement)
             if len(disagree):
                 last = int(disagree[0]) + 1
         used = total[last - 1]
-        if float(np.trace(used)) < float(np.trace(information[0])):
+        if used[0, 0] + used[1, 1] < information[0, 0, 0] + information[0, 1, 1]:
             used = information[0]
         self.used = last
         world = _inverse(used[None])[0]
         world[0, 0] += o.floor_std**2
         world[1, 1] += o.floor_std**2
         return from_world(ned_from_camera, mean[last - 1], world)
+
+    def _forget(self, time_s: float) -> None:
+        while self._end > self._first and time_s - self._time_s[self._first] > self.options.memory_s:
+            self._first += 1
 
 
 def to_world(ned_from_camera: Array, a: float, b: float, covariance: Array) -> tuple[Array, Array] | None:
