@@ -155,7 +155,7 @@ def test_survey_takes_a_stalled_link_for_no_step(tmp_path):
 
 
 def test_recorded_flights_are_read_whole():
-    for flight in sorted(folder_edits.FLIGHTS.iterdir()):
+    for flight in sorted(path for path in folder_edits.FLIGHTS.iterdir() if path.is_dir()):
         path: Path = flight / "vehicle.tlog"
         survey = survey_tlog(path)
         assert survey.vehicles == (1,)
