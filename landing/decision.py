@@ -93,6 +93,9 @@ class Decider:
         fit = self._verdict.verdict == "fit"
         reasons = against_landing(estimate, o, o.hysteresis if fit else 0.0)
         if not reasons:
+            if now - self._seen_s > o.patience_s:
+                # after a silence nothing is known of what came between
+                fit, self._flat_since = False, None
             self._seen_s = now
             if self._flat_since is None:
                 self._flat_since = now

@@ -163,3 +163,10 @@ def test_from_far_up_what_is_flat_is_not_fit_until_its_relief_can_be_told():
     assert "0.050 m" in reason
     assert "fit" not in run(Decider(options), [far] * 20)
     assert run(Decider(options), [far] * 5 + [near] * 10)[-1] == "fit"
+
+
+def test_after_a_silence_the_dwell_time_begins_anew():
+    decider = Decider(OPTIONS)
+    assert run(decider, [FLAT] * 10)[-1] == "fit"
+    assert decider.step(replace(FLAT, time_s=30.0)).verdict == "unknown"
+    assert run(decider, [FLAT] * 6, start_s=30.1)[-1] == "fit"
