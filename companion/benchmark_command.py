@@ -75,10 +75,12 @@ def run(args: argparse.Namespace) -> int:
     figures = [benchmark.measure(benchmark.resized(material, *size)) for size in args.sizes]
     print(benchmark.table(figures))
     if args.daemon:
-        from companion import latency
+        from companion import latency, start_up
 
         measured = [latency.measure(width, height, args.seconds) for width, height in args.sizes]
         print(f"\nthe daemon\n{latency.table(measured)}")
+        size = args.sizes[len(args.sizes) // 2]
+        print(f"\nits start and end, {size[0]}x{size[1]}\n{start_up.table(start_up.measure(*size))}")
     if args.preview:
         from companion import preview_cost
 

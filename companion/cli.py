@@ -84,11 +84,11 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def script() -> None:
-    """The installed command: ends with main's code, even when a camera's driver hangs in a thread of its own."""
+    """The installed command: ends with main's code, even when a library hangs in a thread of its own."""
     code = main()
-    cameras = sys.modules.get("drivers.cameras.reader")  # imported by the commands that need it alone
-    if cameras is not None:
-        cameras.end_past_hanging_reads(code)
+    hanging = sys.modules.get("drivers.hanging")  # imported by the commands that need it alone
+    if hanging is not None:
+        hanging.end_past_hanging_threads(code)
     sys.exit(code)
 
 

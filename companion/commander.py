@@ -5,16 +5,19 @@ import queue
 import threading
 import time
 from collections.abc import Callable
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from companion.command import NAV_LAND
 from companion.core import LandRequest
-from drivers.autopilot import Autopilot, Outcome
 from drivers.errors import DriverError
 from drivers.events import DriverEvent
 from drivers.host_clock import now_us
 from drivers.link import Link
+from drivers.outcome import Outcome
 from drivers.samples import CommandAnswer, Sample
+
+if TYPE_CHECKING:
+    from drivers.autopilot import Autopilot
 
 log = logging.getLogger(__name__)
 
@@ -44,7 +47,7 @@ class Commander:
         self._link = link
         self._on_samples = on_samples
         self._on_event = on_event
-        self._autopilot = Autopilot(link)
+        self._autopilot: Autopilot | None = None
         self._orders: queue.SimpleQueue[tuple[Order, float]] = queue.SimpleQueue()
         self._open = 0
         self._lock = threading.Lock()
@@ -63,7 +66,7 @@ class Commander:
     @property
     def connected(self) -> bool:
         """Whether MAVSDK has found the vehicle."""
-        return self._autopilot.connected
+        return self._autopilot is not None and self._autopilot.connected
 
     def request(self, request: LandRequest) -> None:
         """Send MAV_CMD_NAV_LAND, once; returns at once."""
@@ -80,7 +83,8 @@ class Commander:
         self._thread.join(timeout=timeout_s)
         if self._thread.is_alive():
             return False
-        self._autopilot.close()
+        if self._autopilot is not None:
+            self._autopilot.close()
         return True
 
     def _order(self, order: Order) -> None:
@@ -89,33 +93,37 @@ class Commander:
         self._orders.put((order, time.monotonic()))
 
     def _run(self) -> None:
+        # Here and not above: MAVSDK is slow to import, and nobody waits for it before there is a vehicle.
+        from drivers.autopilot import Autopilot
+
+        self._autopilot = Autopilot(self._link)
         while not (self._stop.is_set() and self._orders.empty()):
-            self._connect()
+            self._connect(self._autopilot)
             try:
                 order, given = self._orders.get(timeout=0.1)
             except queue.Empty:
                 continue
-            self._carry_out(order, time.monotonic() - given)
+            self._carry_out(self._autopilot, order, time.monotonic() - given)
             with self._lock:
                 self._open -= 1
 
-    def _connect(self) -> None:
-        if not self._autopilot.connected and not self._stop.is_set():
+    def _connect(self, autopilot: "Autopilot") -> None:
+        if not autopilot.connected and not self._stop.is_set():
             try:
-                self._autopilot.connect(CONNECT_S)
+                autopilot.connect(CONNECT_S)
             except DriverError as error:
                 log.error("%s", error)
                 self._stop.wait(CONNECT_S)
 
-    def _carry_out(self, order: Order, age_s: float) -> None:
+    def _carry_out(self, autopilot: "Autopilot", order: Order, age_s: float) -> None:
         if age_s > LONGEST_WAIT_S:
             outcome = Outcome(TOO_LATE, (), "not called")
         elif self._link.ambiguous:
             outcome = Outcome(AMBIGUOUS_VEHICLE, (), "not called")
         elif order == "hold":
-            outcome = self._autopilot.hold()
+            outcome = autopilot.hold()
         else:
-            outcome = self._autopilot.land()
+            outcome = autopilot.land()
         log.info("%s: %s (MAVSDK: %s)", order, outcome.result.lower().replace("_", " "), outcome.mavsdk)
         if order == "hold":
             done = outcome.result == "ACCEPTED"

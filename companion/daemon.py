@@ -2,18 +2,14 @@
 
 import logging
 import signal
-import threading
 import time
-from collections.abc import Callable
 from contextlib import ExitStack
 
 from companion.command import NAV_LAND
 from companion.commander import TOO_LATE, Commander
 from companion.core import LandRequest, Output, Processed
-from companion.errors import LandslopeError
-from companion.inbox import Inbox
+from companion.inputs import Inputs
 from companion.landing_watch import LandingWatch
-from companion.link_options import link_options
 from companion.live_pipeline import LivePipeline
 from companion.messages import Estimate, Health, Message
 from companion.preview import PreviewPublisher
@@ -21,13 +17,9 @@ from companion.publisher import Publisher
 from companion.recording import FlightRecording
 from companion.reporting import GroundReport
 from companion.settings import Settings
-from drivers.cameras import Camera, CameraFormat, ReaderLimits, open_camera
-from drivers.cameras.interface import Notify
 from drivers.host_clock import now_us
-from drivers.link import Link
 from drivers.samples import AngularRate, CommandAnswer, Sample
 from drivers.service_manager import ServiceManager
-from drivers.single_instance import SingleInstance
 
 log = logging.getLogger(__name__)
 
@@ -41,60 +33,46 @@ CLOSE_S = 2.0
 GATHER_S = 0.02
 """Telemetry is gathered for so long while no frame waits for it."""
 
-OpenCamera = Callable[[Notify], Camera]
-
 
 class Daemon:
     """Wires camera, link, core, bus, ground report and commander, and runs until ``stop``.
 
-    ``camera`` opens another camera than ``camera.source`` says. Everything that the outside may break is reopened
-    by its driver; what is wrong in the settings raises an error of the packages at once.
+    Closes ``inputs`` at its end. Everything that the outside may break is reopened by its driver; what is wrong in the
+    settings raises an error of the packages at once.
     """
 
-    def __init__(self, settings: Settings, camera: OpenCamera | None = None) -> None:
+    def __init__(self, settings: Settings, inputs: Inputs) -> None:
         self.settings = settings
-        self._stop = threading.Event()
-        self._inbox = Inbox()
+        self._inputs, self._inbox = inputs, inputs.inbox
+        self._link, self._camera = inputs.link, inputs.camera
         self._estimate_us = 0
         with ExitStack() as stack:
-            stack.enter_context(SingleInstance(settings.vehicle.name))
+            stack.callback(inputs.close)
             self.service = ServiceManager()
             stack.callback(self.service.close)
             self.recording = FlightRecording(settings)
             stack.callback(self.recording.close)
-            self._link = self._new_link()
             self.pipeline = LivePipeline(settings, self._output, self._may_enable, self.counters)
             self._report = GroundReport(settings.mavlink, self.pipeline.body_from_camera)
             self._watch = LandingWatch(settings.landing)
             self._publisher = stack.enter_context(Publisher(settings, retry=True))
             self._preview = PreviewPublisher(self._publisher.bus, settings.preview)
             stack.callback(self._preview.close)
-            self._camera = (camera or _camera_of(settings))(self._inbox.wake)
-            stack.callback(self._camera.close)
             self._commander = None
             if self._link is not None:
                 self._link.may_beat = self._alive
+                self._link.on_frame = self.recording.mavlink if settings.record.directory else None
                 self._commander = Commander(self._link, self._inbox.put, self._inbox.tell)
-                self._link.start()
-                stack.callback(self._link.close)
                 self._commander.start()
                 stack.callback(self._commander.close, CLOSE_S)
             self._stack = stack.pop_all()
 
-    def _new_link(self) -> Link | None:
-        if not self.settings.mavlink.connection:
-            return None
-        recorder = self.recording.mavlink if self.settings.record.directory else None
-        return Link(link_options(self.settings), self._inbox.put, self._inbox.tell, recorder)
-
     def run(self) -> None:
         """Work until ``stop``; a command under way gets its answer first."""
         self.service.ready()
-        if self._publisher.bus.session is None:
-            log.warning("zenoh: no router answers yet; it is looked for in the background")
         log.info("landslope runs for vehicle %s", self.settings.vehicle.name)
         with self._stack:
-            while not self._stop.is_set():
+            while not self._inputs.stopped.is_set():
                 self._turn()
             self.service.stopping()
             self._let_command_end()
@@ -102,8 +80,7 @@ class Daemon:
 
     def stop(self) -> None:
         """End soon; from any thread or signal handler."""
-        self._stop.set()
-        self._inbox.wake()
+        self._inputs.stop()
 
     @property
     def commander_connected(self) -> bool:
@@ -159,7 +136,7 @@ class Daemon:
             self._message(output)
 
     def _request(self, request: LandRequest) -> None:
-        if self._commander is None or self._stop.is_set():
+        if self._commander is None or self._inputs.stopped.is_set():
             return
         if now_us() - request.time_unix_us > self.settings.landing.request_max_age_s * 1e6:
             self._inbox.put([CommandAnswer(now_us(), NAV_LAND, TOO_LATE)])
@@ -206,15 +183,6 @@ def stop_on_signals(daemon: Daemon) -> None:
         signal.signal(number, lambda *_: daemon.stop())
     signal.signal(signal.SIGUSR1, lambda *_: daemon.recording.by_hand(True))
     signal.signal(signal.SIGUSR2, lambda *_: daemon.recording.by_hand(False))
-
-
-def _camera_of(settings: Settings) -> OpenCamera:
-    c = settings.camera
-    if not c.source:
-        raise LandslopeError('camera.source is not set: name a camera, as "/dev/video0" or "picamera"')
-    wanted = CameraFormat(c.width, c.height, c.rate_hz, c.exposure_us, c.gain, c.pixel_format, c.transport)
-    limits = ReaderLimits(open_timeout_s=c.open_timeout_s, read_timeout_s=c.read_timeout_s)
-    return lambda notify: open_camera(c.source, wanted, limits, notify)
 
 
 def _arrival(sample: Sample) -> int:

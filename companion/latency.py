@@ -4,14 +4,9 @@ The daemon runs as a process of its own; here a stream of pictures, a simulated 
 subscriber stand around it. All clocks are this machine's monotonic one, so times may be subtracted.
 """
 
-import json
 import os
-import signal
 import socket
 import statistics
-import subprocess
-import sys
-import tempfile
 import threading
 import time
 from bisect import bisect_left, bisect_right
@@ -23,11 +18,9 @@ import numpy as np
 
 from companion.errors import LandslopeError
 from companion.latency_peers import PictureServer, Telemetry
-from drivers.bus import Endpoints, Subscription
-from drivers.host_clock import now_us
+from companion.measured_daemon import MeasuredDaemon, Received, free_port
 
 SETTLE_S = 3.0
-START_S = 30.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,33 +42,21 @@ class LatencyFigures:
     rss_mb: float
     growth_mb_per_10_min: float
     """Slope of the resident memory over the second half of the run; only long runs tell a leak from a warm-up."""
-    start_to_estimate_s: float
 
 
 def measure(width: int, height: int, seconds: float) -> LatencyFigures:
     """Run the daemon at one image size for ``seconds``. Raises LandslopeError when it does not come up."""
     with ExitStack() as stack:
-        directory = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="landslope-benchmark-")))
         pictures = stack.enter_context(PictureServer(width, height))
-        link, bus = _free_port(socket.SOCK_DGRAM), _free_port(socket.SOCK_STREAM)
+        link = free_port(socket.SOCK_DGRAM)
         telemetry = stack.enter_context(Telemetry(link))
-        name = f"benchmark{bus}"
-        settings = (
-            f"camera.source=http://127.0.0.1:{pictures.port}/",
-            f"mavlink.connection=udpin:127.0.0.1:{link}",
-            f"zenoh.listen=tcp/127.0.0.1:{bus}",
-            f"vehicle.name={name}",
-        )
-        started = time.monotonic()
-        process = _daemon(settings, directory)
-        stack.callback(_end, process)
-        subscription = stack.enter_context(Subscription(Endpoints(connect=(f"tcp/127.0.0.1:{bus}",)), name))
-        first_s = _wait_for_estimate(subscription, process, started)
-        _collect(subscription, SETTLE_S)
-        before = _usage(process.pid)
-        watch = stack.enter_context(_MemoryWatch(process.pid))
-        received = _collect(subscription, seconds)
-        after = _usage(process.pid)
+        daemon = stack.enter_context(MeasuredDaemon(pictures.port, link))
+        daemon.wait_for(lambda estimate: True)
+        daemon.collect(SETTLE_S)
+        before = _usage(daemon.pid)
+        watch = stack.enter_context(_MemoryWatch(daemon.pid))
+        received = daemon.collect(seconds)
+        after = _usage(daemon.pid)
         return _figures(
             (width, height),
             seconds,
@@ -84,7 +65,6 @@ def measure(width: int, height: int, seconds: float) -> LatencyFigures:
             watch.growth_per_s(),
             pictures.sent_us,
             telemetry.sent_us,
-            first_s,
         )
 
 
@@ -103,48 +83,6 @@ def table(figures: list[LatencyFigures]) -> str:
             f"{f.cpu_ms_per_frame:>13.1f} {f.rss_mb:>7.0f} {f.growth_mb_per_10_min:>10.1f}"
         )
     return "\n".join(lines)
-
-
-def _daemon(settings: tuple[str, ...], directory: Path) -> "subprocess.Popen[bytes]":
-    arguments = [argument for setting in settings for argument in ("--set", setting)]
-    return subprocess.Popen(
-        [sys.executable, "-m", "companion.cli", "run", *arguments],
-        stderr=(directory / "log").open("wb"),
-        env=os.environ | {"XDG_RUNTIME_DIR": str(directory)},
-    )
-
-
-def _end(process: "subprocess.Popen[bytes]") -> None:
-    process.send_signal(signal.SIGTERM)
-    try:
-        process.wait(15)
-    except subprocess.TimeoutExpired:
-        process.kill()
-
-
-def _wait_for_estimate(
-    subscription: Subscription, process: "subprocess.Popen[bytes]", started: float
-) -> float:
-    while time.monotonic() - started < START_S:
-        delivery = subscription.receive(0.1)
-        if delivery is not None and delivery.topic == "estimate":
-            return time.monotonic() - started
-        if process.poll() is not None:
-            raise LandslopeError(
-                f"the daemon ended with {process.returncode}: run 'landslope run' to see why"
-            )
-    raise LandslopeError(f"the daemon made no estimate within {START_S:g} s: run 'landslope run' to see why")
-
-
-def _collect(subscription: Subscription, seconds: float) -> list[tuple[int, dict[str, object]]]:
-    """(arrival in us, estimate) of everything that comes."""
-    until = time.monotonic() + seconds
-    received = []
-    while time.monotonic() < until:
-        delivery = subscription.receive(0.1)
-        if delivery is not None and delivery.topic == "estimate":
-            received.append((now_us(), json.loads(delivery.payload)))
-    return received
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,12 +132,11 @@ def _usage(pid: int) -> _Usage:
 def _figures(
     size: tuple[int, int],
     seconds: float,
-    received: list[tuple[int, dict[str, object]]],
+    received: list[Received],
     usage: tuple[_Usage, _Usage],
     growth_per_s: float,
     frames_us: list[int],
     attitudes_us: list[int],
-    first_s: float,
 ) -> LatencyFigures:
     if len(received) < 2:
         raise LandslopeError(
@@ -207,7 +144,7 @@ def _figures(
         )
     total, software = [], []
     for arrived_us, estimate in received:
-        exposed_us = int(str(estimate["time_unix_us"]))
+        exposed_us = estimate["time_unix_us"]
         sent_us = frames_us[max(0, bisect_right(frames_us, exposed_us) - 1)]
         behind = bisect_left(attitudes_us, exposed_us)
         ready_us = max(sent_us, attitudes_us[behind]) if behind < len(attitudes_us) else sent_us
@@ -226,16 +163,9 @@ def _figures(
         cpu_ms_per_frame=(after.cpu_s - before.cpu_s) * 1e3 / len(received),
         rss_mb=after.rss_bytes / 1e6,
         growth_mb_per_10_min=growth_per_s / 1e6 * 600,
-        start_to_estimate_s=first_s,
     )
 
 
 def _percentile(values: list[float], share: float) -> float:
     ordered = sorted(values)
     return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
-
-
-def _free_port(kind: socket.SocketKind) -> int:
-    with socket.socket(socket.AF_INET, kind) as s:
-        s.bind(("127.0.0.1", 0))
-        return int(s.getsockname()[1])

@@ -3,6 +3,7 @@
 import socket
 import threading
 import time
+from functools import lru_cache
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import cv2
@@ -24,7 +25,7 @@ _BOUNDARY = b"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n"
 class PictureServer:
     """A ground that passes by under the camera, as MJPEG over HTTP; remembers when each frame was sent."""
 
-    def __init__(self, width: int, height: int) -> None:
+    def __init__(self, width: int, height: int, port: int = 0) -> None:
         self.sent_us: list[int] = []
         pictures = _ground(width, height)
         stop = self._stop = threading.Event()
@@ -50,7 +51,7 @@ class PictureServer:
             def log_message(self, *args: object) -> None:
                 """Nothing."""
 
-        self._server = ThreadingHTTPServer(("127.0.0.1", 0), Page)
+        self._server = ThreadingHTTPServer(("127.0.0.1", port), Page)
         self._server.daemon_threads = True
         self.port = self._server.server_address[1]
         self._thread = threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True)
@@ -98,6 +99,7 @@ class Telemetry:
                 self._send(dialect.MAVLink_local_position_ned_message(boot_us // 1000, 0, 0, -2, 0.5, 0, 0))
             if number % 50 == 0:
                 self._send(dialect.MAVLink_extended_sys_state_message(0, 2))
+            if number % 100 == 0:  # as rarely as autopilots do
                 base, mode = GUIDED_ARMED
                 self._send(dialect.MAVLink_heartbeat_message(2, 3, base, mode, 4, 3))
             number += 1
@@ -113,6 +115,7 @@ class Telemetry:
             self._mav.seq = (self._mav.seq + 1) % 256
 
 
+@lru_cache(maxsize=4)
 def _ground(width: int, height: int) -> list[bytes]:
     """JPEGs of a textured ground moving by, in a loop."""
     step = max(1, round(STEP_PX * width / 320))

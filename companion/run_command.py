@@ -29,13 +29,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run until SIGTERM or SIGINT; 1 when a thread broke, so that the service manager starts anew."""
+    _log_to_stderr(logging.DEBUG if args.verbose else logging.INFO)
+    settings = load(args.config, args.overrides).settings
     import cv2
 
-    from companion.daemon import Daemon, stop_on_signals
+    from companion.inputs import Inputs
 
-    _log_to_stderr(logging.DEBUG if args.verbose else logging.INFO)
     cv2.setNumThreads(1)  # as in a replay: the same rounding, and no threads that fight for the cores
-    daemon = Daemon(load(args.config, args.overrides).settings)
+    inputs = Inputs(settings)
     broken = threading.Event()
 
     def thread_broke(what: threading.ExceptHookArgs) -> None:
@@ -44,9 +45,13 @@ def run(args: argparse.Namespace) -> int:
         trace = (what.exc_type, what.exc_value or what.exc_type(), what.exc_traceback)
         logging.getLogger(__name__).critical("thread '%s' broke", name, exc_info=trace)
         broken.set()
-        daemon.stop()
+        inputs.stop()
 
     threading.excepthook = thread_broke
+    # The other half of the imports; camera and autopilot answer meanwhile.
+    from companion.daemon import Daemon, stop_on_signals
+
+    daemon = Daemon(settings, inputs)
     stop_on_signals(daemon)
     daemon.run()
     return 1 if broken.is_set() else 0

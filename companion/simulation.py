@@ -22,6 +22,7 @@ from companion.flight_record import add_truth, folders_in
 from companion.flight_result import FlightResult, PathPoint, Request, path_point
 from companion.ground import fitness, patch
 from companion.hardware import BuiltIn, Hardware, Sitl
+from companion.inputs import Inputs
 from companion.lockstep import PATH_EVERY_S, STANDS_S, flight_settings
 from companion.messages import TOPICS, Event, Message
 from companion.pilot import Pilot
@@ -129,7 +130,7 @@ class _LiveFlight:
         self._exposures: deque[tuple[int, float]] = deque(maxlen=400)
         self.result = FlightResult(scenario.name)
         settings = _wired(settings, hardware.connection, options)
-        self._daemon = Daemon(settings, self._open_camera)
+        self._daemon = Daemon(settings, Inputs(settings, self._open_camera))
         self._failure: BaseException | None = None
         self._thread = threading.Thread(target=self._run_daemon, name="daemon", daemon=True)
         reach = settings.zenoh

@@ -3,7 +3,6 @@
 import logging
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import mavsdk
 from mavsdk.plugins.action import Action, ActionError, ActionResult
@@ -11,34 +10,22 @@ from mavsdk.plugins.action import Action, ActionError, ActionResult
 from drivers.errors import DriverError
 from drivers.host_clock import now_us
 from drivers.link import Link
+from drivers.outcome import NO_ANSWER, NO_AUTOPILOT, Outcome
 from drivers.samples import CommandAnswer
 
 log = logging.getLogger(__name__)
 
 NAV_LAND = 21
 """MAV_CMD_NAV_LAND."""
-NO_ANSWER = "NO_ANSWER"
-NO_AUTOPILOT = "NO_AUTOPILOT"
 LEVELS = {
     mavsdk.LogLevel.DEBUG: logging.DEBUG,
     mavsdk.LogLevel.INFO: logging.DEBUG,  # MAVSDK's daily chatter
     mavsdk.LogLevel.WARN: logging.INFO,
     mavsdk.LogLevel.ERROR: logging.WARNING,
 }
+SUBSCRIBED_FIRST = "No raw connection available"
+"""What MAVSDK has to say when the bytes to be sent are subscribed to before there is a connection."""
 FIRST_AUTOPILOT_S = 2.0
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """How a command ended.
-
-    ``result`` is MAVLink's name of the last answer ("ACCEPTED", "DENIED", "TEMPORARILY_REJECTED", ...), or
-    NO_ANSWER, NO_AUTOPILOT; ``answers`` are all that came, in order; ``mavsdk`` is what MAVSDK made of it.
-    """
-
-    result: str
-    answers: tuple[str, ...]
-    mavsdk: str
 
 
 class Autopilot:
@@ -101,6 +88,7 @@ class Autopilot:
         configuration.component_id = self._link.options.own_component
         mavsdk.log_subscribe(_log)
         instance = mavsdk.Mavsdk(configuration)
+        # In this order, since the first heartbeat goes out with the connection.
         instance.subscribe_raw_bytes_to_be_sent(self._link.send_raw)
         result = instance.add_any_connection("raw://")
         if result != mavsdk.ConnectionResult.SUCCESS:
@@ -145,5 +133,6 @@ def _result(result: ActionResult, answers: tuple[str, ...]) -> str:
 
 
 def _log(level: mavsdk.LogLevel, message: str, file: str | None, line: int) -> bool:
-    log.log(LEVELS[level], "mavsdk: %s", message)
+    if not message.startswith(SUBSCRIBED_FIRST):
+        log.log(LEVELS[level], "mavsdk: %s", message)
     return True

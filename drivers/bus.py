@@ -6,7 +6,9 @@ is DROP throughout: with BLOCK a slow subscriber stalls the publisher for second
 a queue of their own (a higher priority), so that a burst of estimates cannot push them out.
 """
 
+import contextlib
 import json
+import logging
 import queue
 import threading
 from collections.abc import Sequence
@@ -17,6 +19,9 @@ from typing import Any
 import zenoh
 
 from drivers.errors import DriverError
+from drivers.hanging import HangingThread
+
+log = logging.getLogger(__name__)
 
 ROOT = "landslope"
 ALIVE = "alive"
@@ -25,6 +30,10 @@ DECISION = "decision"
 IMPORTANT = frozenset({DECISION, "event"})
 CONNECT_TIMEOUT_MS = 2000
 RETRY_S = 1.0
+FIRST_TRY_S = 0.2
+"""How long a publisher that may go on without a session waits for it: a router that is there answers sooner."""
+LEAVE_S = 0.7
+"""How long the end of a session is waited for: with a router that hangs it takes zenoh many seconds."""
 QUEUE_LENGTH = 10_000
 
 
@@ -74,8 +83,8 @@ def open_session(endpoints: Endpoints) -> zenoh.Session:
 class Bus:
     """A vehicle's side: publishes, answers two questions, and is alive as long as it is open.
 
-    With ``retry`` a router that is absent is looked for in the background (a peer does so by itself);
-    without, it is a DriverError. Messages put in the meantime are counted in ``unsent``.
+    With ``retry`` the session is opened in the background, again and again while the router is absent; without, that
+    is a DriverError. Messages put in the meantime are counted in ``unsent``. Wrong settings are a DriverError always.
     """
 
     def __init__(self, vehicle: str, endpoints: Endpoints, *, retry: bool = False) -> None:
@@ -92,14 +101,13 @@ class Bus:
         self._lock = threading.Lock()
         self._closing = threading.Event()
         self._session: zenoh.Session | None = None
-        self._opener: threading.Thread | None = None
-        try:
+        if retry:
+            _config(endpoints)
+            opener = HangingThread(target=self._keep_trying, name="zenoh-open")
+            opener.start()
+            opener.join(FIRST_TRY_S)
+        else:
             self._adopt(open_session(endpoints))
-        except DriverError:
-            if not retry:
-                raise
-            self._opener = threading.Thread(target=self._keep_trying, name="zenoh-open", daemon=True)
-            self._opener.start()
 
     @property
     def session(self) -> zenoh.Session | None:
@@ -133,18 +141,11 @@ class Bus:
             return self._session is not None and bool(self._publisher(topic).matching_status.matching)
 
     def close(self) -> None:
-        """Leave the bus: the token goes, watchers see the vehicle as silent."""
+        """Leave the bus: the token goes, watchers see the vehicle as silent. Not waited for longer than LEAVE_S."""
         self._closing.set()
-        if self._opener is not None:
-            self._opener.join(timeout=RETRY_S + CONNECT_TIMEOUT_MS / 1000)
-        with self._lock:
-            session, self._session = self._session, None
-            for entity in (*self._publishers.values(), *self._declared):
-                entity.undeclare()
-            self._publishers.clear()
-            self._declared.clear()
-        if session is not None:
-            session.close()
+        leaver = HangingThread(target=self._leave, name="zenoh-close")
+        leaver.start()
+        leaver.join(LEAVE_S)
 
     def __enter__(self) -> "Bus":
         return self
@@ -152,21 +153,43 @@ class Bus:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def _leave(self) -> None:
+        with self._lock:
+            session, self._session = self._session, None
+            entities = (*self._publishers.values(), *self._declared)
+            self._publishers.clear()
+            self._declared.clear()
+        with contextlib.suppress(zenoh.ZError):  # whatever is wrong with it now, it is being left
+            for entity in entities:
+                entity.undeclare()
+            if session is not None:
+                session.close()
+
     def _adopt(self, session: zenoh.Session) -> None:
         with self._lock:
+            if self._closing.is_set():
+                session.close()
+                return
             self._session = session
             for topic in (CONFIGURATION, DECISION):
                 self._declared.append(session.declare_queryable(self.key(topic), self._replier(topic)))
             self._declared.append(session.liveliness().declare_token(self.key(ALIVE)))
 
     def _keep_trying(self) -> None:
-        while not self._closing.wait(RETRY_S):
+        problem = ""
+        while not self._closing.is_set():
             try:
                 session = open_session(self._endpoints)
-            except DriverError:
-                continue
-            self._adopt(session)
-            return
+            except DriverError as error:
+                if problem != str(error):
+                    problem = str(error)
+                    log.warning("%s; it is tried again until it works", problem)
+                self._closing.wait(RETRY_S)
+            else:
+                self._adopt(session)
+                if problem:
+                    log.info("zenoh: the session is open now")
+                return
 
     def _publisher(self, topic: str) -> Any:
         if topic not in self._publishers:

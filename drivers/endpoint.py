@@ -6,8 +6,11 @@ from collections.abc import Callable
 from drivers.ports import Address, Port, PortName, open_port, parse_port
 
 POLL_S = 0.1
+CLOSE_S = 0.5
+"""How long the end of the thread is waited for: a peer that does not answer holds it for CONNECT_TIMEOUT_S."""
 FIRST_BACKOFF_S = 0.2
-LONGEST_BACKOFF_S = 5.0
+LONGEST_BACKOFF_S = 1.0
+"""A port that appears is to be in use within a second."""
 
 
 class Endpoint:
@@ -67,10 +70,10 @@ class Endpoint:
             port.believe(sender)
 
     def close(self) -> None:
-        """Stop the thread and close the port."""
+        """Stop the thread, which closes the port."""
         self._stop.set()
         if self._thread.is_alive():
-            self._thread.join(timeout=3)
+            self._thread.join(CLOSE_S)
 
     def _run(self) -> None:
         backoff_s = FIRST_BACKOFF_S

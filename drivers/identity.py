@@ -9,6 +9,7 @@ from drivers.ports import Address
 
 VEHICLE = "vehicle"
 OTHER = "other"
+NOBODY_YET = "nobody yet"
 SECOND_SENDER = "second sender"
 SEQUENCE = "sequence"
 REPEATED = "repeated"
@@ -83,10 +84,12 @@ class VehicleIdentity:
         self._heard_us: int | None = None
 
     def judge(self, frame: WireFrame, sender: Address, now_us: int) -> str:
-        """VEHICLE, OTHER, or the reason to refuse the frame."""
+        """VEHICLE, OTHER, NOBODY_YET (no autopilot's heartbeat was heard), or the reason to refuse the frame."""
         autopilot = frame.component == self._component and _autopilot_heartbeat(frame)
         if self.system_id is None and autopilot:
             self.system_id = frame.system
+        if self.system_id is None:
+            return NOBODY_YET
         if frame.system != self.system_id:
             if autopilot and not self._named:
                 self.ambiguous = True

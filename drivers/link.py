@@ -74,7 +74,7 @@ class Link:
         self.vehicle_found = threading.Event()
         self._on_samples = on_samples
         self._on_event = on_event
-        self._on_frame = on_frame
+        self.on_frame = on_frame
         self._signer = Signer(options.signing_key) if options.signing_key else None
         self._sealer = Sealer(options.own_component, self._signer)
         self._identity = VehicleIdentity(
@@ -139,8 +139,8 @@ class Link:
         sent = self._port.write(frame)
         self._forwarder.write(frame)
         self.counters["frames out" if sent else "frames out lost"] += 1
-        if sent and self._on_frame is not None:
-            self._on_frame(host_now_us(), frame)
+        if sent and self.on_frame is not None:
+            self.on_frame(host_now_us(), frame)
         return sent
 
     def _receive(self, data: bytes, sender: Address) -> None:
@@ -161,13 +161,16 @@ class Link:
 
     def _frame(self, frame: WireFrame, sender: Address, now_us: int) -> list[Sample]:
         self.counters["frames in"] += 1
-        if self._on_frame is not None:
-            self._on_frame(now_us, frame.data)
+        if self.on_frame is not None:
+            self.on_frame(now_us, frame.data)
         if self._signer is not None:
             reason = self._signer.refusal(frame)
             if reason is not None:
                 return self._refuse(reason, frame, sender, now_us)
         verdict = self._identity.judge(frame, sender, now_us)
+        if verdict == identity.NOBODY_YET:
+            self.counters["frames before a heartbeat"] += 1
+            return []
         if verdict == identity.OTHER:
             self.counters["frames of others"] += 1
             if frame.component != self.options.autopilot_component or frame.message_id not in MESSAGE_IDS:

@@ -14,6 +14,7 @@ import numpy as np
 from vehicle_support import ACCEPTED, TestVehicle, free_udp_port, tlog_frames
 
 from companion.daemon import Daemon
+from companion.inputs import Inputs
 from companion.settings import Settings
 from companion.settings_file import load
 from drivers.bus import Endpoints, Subscription
@@ -180,7 +181,7 @@ class DaemonBench:
 
     def __enter__(self) -> "DaemonBench":
         self.vehicle.__enter__()
-        self.daemon = Daemon(self.settings, self.camera)
+        self.daemon = Daemon(self.settings, Inputs(self.settings, self.camera))
         if self._watched:
             self._listener = threading.Thread(target=self._listen, daemon=True)
             self._listener.start()

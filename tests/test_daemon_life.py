@@ -11,7 +11,7 @@ import vehicle_support as vs
 from daemon_support import DaemonBench, free_tcp_port, wait_for
 from flight_edits import During
 
-from companion.daemon import Daemon
+from companion.inputs import Inputs
 from drivers.bus import Endpoints, Subscription, open_session
 from drivers.errors import DriverError
 
@@ -120,7 +120,7 @@ def test_a_hung_pipeline_stops_heartbeats_and_watchdog(tmp_path, monkeypatch) ->
 
 def test_a_second_daemon_for_the_same_vehicle_says_so(tmp_path) -> None:
     with DaemonBench(tmp_path) as bench, pytest.raises(DriverError, match="already runs for vehicle"):
-        Daemon(bench.settings, bench.camera)
+        Inputs(bench.settings, bench.camera)
 
 
 def test_camera_and_autopilot_may_come_in_any_order(tmp_path) -> None:

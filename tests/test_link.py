@@ -148,6 +148,23 @@ def test_foreign_vehicle_is_refused_and_counted(bench) -> None:
         assert not b.of(Attitude)
 
 
+def test_telemetry_before_the_first_heartbeat_is_counted_and_nobodys_fault(bench) -> None:
+    b = bench(system_id=0)
+    vehicle = TestVehicle(b.port)
+    vehicle.autopilot = dialect.MAV_AUTOPILOT_INVALID
+    with vehicle:
+        wait_for(lambda: b.link.is_open, "open port")
+        vehicle.send(attitude(10))
+        wait_for(lambda: b.link.counters["frames before a heartbeat"], "count")
+        assert not b.of(Attitude)
+        vehicle.autopilot = dialect.MAV_AUTOPILOT_ARDUPILOTMEGA
+        wait_for(b.link.vehicle_found.is_set, "vehicle")
+        vehicle.send(attitude(20))
+        wait_for(lambda: b.of(Attitude), "attitude")
+        assert not b.of(Refusal)
+        assert "mavlink_refused" not in b.event_names()
+
+
 def test_rates_are_asked_for_and_asked_again_after_a_reboot(bench) -> None:
     b = bench(rates_hz={"ATTITUDE": 50.0, "IMU": 50.0})
     with TestVehicle(b.port) as vehicle:

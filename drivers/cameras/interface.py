@@ -33,8 +33,8 @@ class ReaderLimits:
 
     open_timeout_s: float = 8.0
     read_timeout_s: float = 2.0
-    first_retry_s: float = 0.5
-    longest_retry_s: float = 5.0
+    first_retry_s: float = 0.2
+    longest_retry_s: float = 1.0
     max_hanging_reads: int = 4
     """Abandoned reads that may hang in a driver at once before no new one is started."""
 

@@ -1,8 +1,5 @@
 """A camera read by a thread of its own, which can be given up and replaced when the device hangs."""
 
-import logging
-import os
-import sys
 import threading
 import time
 from collections import Counter, deque
@@ -12,13 +9,12 @@ from drivers.cameras.checks import FrameCheck
 from drivers.cameras.interface import Camera, CameraStatus, Grab, Grabber, Notify, ReaderLimits
 from drivers.errors import DriverError
 from drivers.events import DriverEvent
+from drivers.hanging import HangingThread
 from drivers.host_clock import now_us
 from drivers.samples import Frame, Refusal
 
 MAX_WAITING_REFUSALS = 256
 """Refusals kept for a consumer that does not come; older ones stay counted in the status."""
-
-THREAD_NAME = "camera reader"
 
 CHECK_S = 0.1
 """How often the supervisor looks whether a read hangs."""
@@ -181,11 +177,11 @@ class ReaderCamera(Camera):
         self._events.append(DriverEvent(event, severity, text, now_us()))
 
 
-class _Worker(threading.Thread):
+class _Worker(HangingThread):
     """Opens, reads and closes one grabber; nobody else touches it, so a release never meets a read."""
 
     def __init__(self, grabber: Grabber, deliver: Callable[["_Worker", Grab], None]) -> None:
-        super().__init__(name=THREAD_NAME, daemon=True)
+        super().__init__(name="camera reader")
         self._grabber = grabber
         self._hand_on = deliver
         self.last_progress = time.monotonic()
@@ -213,19 +209,3 @@ class _Worker(threading.Thread):
         finally:
             self._grabber.close()
             self.finished.set()
-
-
-def end_past_hanging_reads(code: int, patience_s: float = 0.5) -> None:
-    """End the process at once, with ``code``, if a read still hangs in a driver; else do nothing.
-
-    The interpreter's own way out would stop such a thread inside of C++, which aborts. To be called last of all.
-    """
-    until = time.monotonic() + patience_s
-    for thread in threading.enumerate():
-        if thread.name == THREAD_NAME:
-            thread.join(max(0.0, until - time.monotonic()))
-            if thread.is_alive():
-                logging.shutdown()
-                sys.stdout.flush()
-                sys.stderr.flush()
-                os._exit(code)
