@@ -105,6 +105,9 @@ def zenoh_findings(settings: Settings) -> Iterator[Finding]:
         if lonely and settings.zenoh.connect:
             remedy = f"is {', '.join(settings.zenoh.connect)} up and reachable?"
             yield Finding("zenoh", "warning", text, remedy)
+        elif routers and settings.zenoh.mode == "peer":
+            remedy = 'set zenoh.mode = "client": watchers that are peers of that router as well hear nothing'
+            yield Finding("zenoh", "warning", text, remedy)
         else:
             yield Finding("zenoh", "ok", text if not lonely else f"{text}: nobody listens yet")
     finally:

@@ -8,6 +8,7 @@ import time
 import cv2
 import numpy as np
 import pytest
+from bus_support import free_endpoint, router
 from camera_support import SITL_LOGS, MjpegServer, moving
 from simulated_autopilot_support import free_udp_port
 
@@ -225,6 +226,15 @@ def test_zenoh_without_the_router_named():
     (finding,) = zenoh_findings(settings)
     assert finding.level in ("warning", "failure")
     assert finding.remedy
+
+
+@pytest.mark.parametrize(("mode", "level"), [("peer", "warning"), ("client", "ok")])
+def test_a_peer_of_a_router_is_told_to_be_its_client(mode, level):
+    endpoint = free_endpoint()
+    with router(endpoint):
+        (finding,) = zenoh_findings(loaded(f"zenoh.mode={mode}", f"zenoh.connect={endpoint}").settings)
+    assert finding.level == level
+    assert ("client" in finding.remedy) == (mode == "peer")
 
 
 def test_a_signing_key_that_everybody_reads(tmp_path):
