@@ -195,10 +195,10 @@ class Core:
         now_us, raw_us, clock = self._sync.now_us, self._sync.raw_us(), self._sync.clock
         stale = frozenset(self._health.stale(now_us)) if self._health.telemetry else frozenset()
         for name in sorted(stale ^ self._stale):
-            kind, what = ("input_stale", "stopped") if name in stale else ("input_back", "is there")
+            kind, what = ("input_stale", "stopped") if name in stale else ("input_back", "back")
             if self._health.state(name, now_us) == "missing":
-                what = "did not come yet"
-            out.append(event(kind, self._frame_number, raw_us, f"{_words(name)} {what}", {"input": name}))
+                what = "none came yet"
+            out.append(event(kind, self._frame_number, raw_us, f"{_words(name)}: {what}", {"input": name}))
         self._stale = stale
         offset_us = clock.offset_us(clock.boot_us(now_us)) if clock.settled else None
         std_s = clock.std_s if clock.settled else None

@@ -170,7 +170,9 @@ class HealthSettings:
 class ZenohSettings:
     """How messages get out."""
 
-    mode: Annotated[Literal["peer", "client"], Meaning("\"client\" of the router named in zenoh.connect, or peer to peer")] = "peer"
+    mode: Annotated[
+        Literal["peer", "client"], Meaning('"client" of the router that zenoh.connect names, or peer to peer')
+    ] = "peer"
     connect: Annotated[tuple[str, ...], Meaning('endpoints to connect to, as "tcp/192.168.1.10:7447"')] = ()
     listen: Annotated[tuple[str, ...], Meaning('endpoints to listen on, as "tcp/0.0.0.0:7447"')] = ()
     scouting: Annotated[bool, Meaning("find others by multicast")] = False

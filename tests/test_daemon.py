@@ -11,3 +11,4 @@ def test_lands_once_on_fit_ground_and_follows_the_command(tmp_path) -> None:
         assert events[:4] == ["landing_enabled", "landing_requested", "landing_accepted", "landing_started"]
         health = bench.of("health")[-1]
         assert health["state"] == "ok", health["problems"]
+        assert health["pipeline_ms"] > 0
