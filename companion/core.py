@@ -13,6 +13,7 @@ from companion.sync import Notice, ReadyFrame, Synchroniser
 from drivers.samples import CommandAnswer, Frame, Heartbeat, LandedState, Refusal, Sample
 from landing.camera import CameraModel
 from landing.estimate import SurfaceEstimate
+from landing.landing_area import LandingArea
 from landing.observation import Observation
 from landing.options import Options
 from landing.pipeline import SurfacePipeline
@@ -57,7 +58,7 @@ class Core:
         self._sync = Synchroniser(settings, telemetry)
         self._health = HealthMonitor(settings.health, telemetry)
         self._frozen = FrozenCamera(settings.health, camera)
-        self._judge = Judge(settings, self._health)
+        self._judge = Judge(settings, self._health, LandingArea(camera, settings.decision, settings.tracking))
         self._health_period_us = round(settings.health.period_s * 1e6)
         self._health_due_us: int | None = None
         self._stale: frozenset[str] = frozenset()

@@ -10,6 +10,7 @@ from companion.settings import Settings
 from drivers.samples import CommandAnswer, Heartbeat, LandedState
 from landing.decision import Decider, Verdict
 from landing.estimate import SurfaceEstimate
+from landing.landing_area import LandingArea
 from landing.permit import Permit, PermitInputs, PermitState
 
 SECOND_US = 1_000_000
@@ -34,10 +35,10 @@ class Judge:
     stamped, for the messages.
     """
 
-    def __init__(self, settings: Settings, health: HealthMonitor) -> None:
+    def __init__(self, settings: Settings, health: HealthMonitor, area: LandingArea | None = None) -> None:
         self._health = health
         self._allowed_modes = settings.landing.allowed_modes
-        self._decider = Decider(settings.decision)
+        self._decider = Decider(settings.decision, area)
         self._permit = Permit()
         self._command = CommandState(settings.landing.mode_timeout_s)
         self._enabled = settings.landing.enabled

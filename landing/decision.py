@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 from landing.estimate import SurfaceEstimate
+from landing.landing_area import LandingArea
 from landing.options import DecisionOptions
 
 
@@ -43,7 +44,11 @@ def against_flat(estimate: SurfaceEstimate, options: DecisionOptions, widen: flo
     if not math.isfinite(estimate.roughness):
         reasons.append("roughness unknown")
     elif estimate.roughness > roughness_limit:
-        reasons.append(f"too rough: {estimate.roughness:.4f} of the distance, limit {roughness_limit:.4f}")
+        sure = estimate.roughness - o.sigmas * estimate.roughness_std > roughness_limit
+        reasons.append(
+            f"{'' if sure else 'probably '}too rough: {estimate.roughness:.4f} of the distance,"
+            f" limit {roughness_limit:.4f}"
+        )
     else:
         upper = estimate.roughness + o.roughness_sigmas * estimate.roughness_std
         if not upper <= roughness_limit:
@@ -60,29 +65,51 @@ def against_flat(estimate: SurfaceEstimate, options: DecisionOptions, widen: flo
 
 
 def against_landing(
-    estimate: SurfaceEstimate, options: DecisionOptions, widen: float = 0.0
+    estimate: SurfaceEstimate, options: DecisionOptions, widen: float = 0.0, area: LandingArea | None = None
 ) -> tuple[str, ...]:
-    """What stands against landing here: what stands against flat, and relief too large in metres where height is known.
+    """What stands against landing here: first what stands against flat, then what flat does not say.
 
-    Relief over the distance shrinks with height: from far up a box looks even that would tip a vehicle over.
+    Relief over the distance shrinks with height: from far up a box looks even that would tip a vehicle over, so where
+    the height is known the relief counts in metres, and the ground must be resolved finely enough to show such a box.
+    And with ``area``, the place to land on must itself be among what was measured.
     """
-    reasons = against_flat(estimate, options, widen)
-    if reasons or not math.isfinite(estimate.height_m):
+    o = options
+    reasons = against_flat(estimate, o, widen)
+    if reasons:
         return reasons
-    upper = (estimate.roughness + options.roughness_sigmas * estimate.roughness_std) * estimate.height_m
-    limit = options.max_relief_m * (1 + widen)
-    if upper > limit:
+    height_m = estimate.height_m
+    if math.isfinite(height_m):
+        upper = (estimate.roughness + o.roughness_sigmas * estimate.roughness_std) * height_m
+        limit = o.max_relief_m * (1 + widen)
+        if upper > limit:
+            return (
+                f"too high to tell: relief may be {upper:.3f} m from {height_m:.1f} m, limit {limit:.3f} m",
+            )
+    if area is None:
+        return ()
+    seen = area.look(estimate)
+    limit = o.max_patch_m * (1 + widen)
+    if seen.patch_m > limit:
         return (
-            f"too high to tell: relief may be {upper:.3f} m from {estimate.height_m:.1f} m, limit {limit:.3f} m",
+            f"too high to tell: a track averages over {seen.patch_m:.2f} m from {height_m:.1f} m,"
+            f" limit {limit:.2f} m",
+        )
+    least = o.min_area_measured * (1 - widen)
+    if not seen.measured >= least:
+        return (
+            f"the ground to land on is not seen: {seen.measured:.2f} of it is measured, at least {least:.2f}",
         )
     return ()
 
 
 class Decider:
-    """The verdict over time: flat for a dwell time before it is fit, wider limits while it is."""
+    """The verdict over time: flat for a dwell time before it is fit, wider limits while it is.
 
-    def __init__(self, options: DecisionOptions) -> None:
-        self.options = options
+    Without ``area`` nothing is asked of where in the picture the surface was measured.
+    """
+
+    def __init__(self, options: DecisionOptions, area: LandingArea | None = None) -> None:
+        self.options, self.area = options, area
         self._flat_since: float | None = None
         self._seen_s = -math.inf
         self._verdict = Verdict("unknown", ("nothing seen yet",), math.nan, False)
@@ -91,7 +118,7 @@ class Decider:
         """Take the next estimate; times must not fall."""
         o, now = self.options, estimate.time_s
         fit = self._verdict.verdict == "fit"
-        reasons = against_landing(estimate, o, o.hysteresis if fit else 0.0)
+        reasons = against_landing(estimate, o, o.hysteresis if fit else 0.0, self.area)
         if not reasons:
             if now - self._seen_s > o.patience_s:
                 # after a silence nothing is known of what came between
@@ -104,9 +131,10 @@ class Decider:
                 return self._turn("fit", (), now)
             return self._turn("unknown", (f"flat for {held:.1f} s only, {o.dwell_s:.1f} s asked for",), now)
         certain = any(reason.startswith(("too steep", "too rough", "too little")) for reason in reasons)
-        if fit and not certain and now - self._seen_s <= o.patience_s:
+        doubtful = certain or any(reason.startswith("probably") for reason in reasons)
+        if fit and not doubtful and now - self._seen_s <= o.patience_s:
             return self._turn("fit", (), now)
-        if certain or now - self._seen_s > o.patience_s:
+        if doubtful or now - self._seen_s > o.patience_s:
             self._flat_since = None
         return self._turn("unfit" if certain else "unknown", reasons, now)
 

@@ -129,7 +129,7 @@ class EstimatorOptions:
     ] = 0.01
     max_height_std: Annotated[
         float, Limits(0.01, 1, "", "relative uncertainty above which height is unknown")
-    ] = 0.3
+    ] = 0.6
     quadratic_hypotheses: Annotated[int, Limits(1, 1000, "", "RANSAC hypotheses of a fit")] = 20
     quadratic_inlier_px: Annotated[float, Limits(0.05, 10, "px", "largest error of an inlier")] = 0.5
     quadratic_flow_px: Annotated[
@@ -163,7 +163,15 @@ class DecisionOptions:
     roughness_sigmas: Annotated[float, Limits(0, 6, "", "standard deviations added to the roughness")] = 1.0
     max_relief_m: Annotated[
         float, Limits(0.005, 10, "m", "RMS relief landed on, where the height is known")
-    ] = 0.05
+    ] = 0.04
+    max_patch_m: Annotated[
+        float,
+        Limits(0.02, 10, "m", "side of the ground one track averages over, where the height is known"),
+    ] = 0.45
+    landing_radius_m: Annotated[
+        float, Limits(0.05, 10, "m", "radius of the ground below that must be measured")
+    ] = 0.4
+    min_area_measured: Annotated[float, Limits(0, 1, "", "smallest measured share of that ground")] = 0.8
     max_standing: Annotated[int, Limits(0, 100, "", "points that may stand out from a flat surface")] = 1
     min_coverage: Annotated[float, Limits(0, 1, "", "smallest share of the image with tracks")] = 0.35
 

@@ -55,6 +55,7 @@ def test_flat_has_nothing_against_it():
         ({"inclination_std_deg": 4.0}, "inclination uncertain: 3.0 degrees, may be 11.0, limit 10.0"),
         ({"inclination_std_deg": math.nan}, "inclination uncertain: 3.0 degrees, may be nan, limit 10.0"),
         ({"roughness": 0.02}, "too rough: 0.0200 of the distance, limit 0.0100"),
+        ({"roughness": 0.011}, "probably too rough: 0.0110 of the distance, limit 0.0100"),
         ({"roughness": math.nan}, "roughness unknown"),
         ({"roughness_std": 0.005}, "roughness uncertain: 0.0020, may be 0.0120, limit 0.0100"),
         ({"roughness_std": math.nan}, "roughness uncertain: 0.0020, may be nan, limit 0.0100"),
@@ -170,3 +171,11 @@ def test_after_a_silence_the_dwell_time_begins_anew():
     assert run(decider, [FLAT] * 10)[-1] == "fit"
     assert decider.step(replace(FLAT, time_s=30.0)).verdict == "unknown"
     assert run(decider, [FLAT] * 6, start_s=30.1)[-1] == "fit"
+
+
+def test_what_is_probably_too_rough_ends_the_verdict_at_once_without_being_called_unfit():
+    decider = Decider(OPTIONS)
+    assert run(decider, [FLAT] * 10)[-1] == "fit"
+    doubtful = replace(FLAT, roughness=0.0125, time_s=1.0)
+    assert decider.step(doubtful).verdict == "unknown"
+    assert "fit" not in run(decider, [FLAT] * 4, start_s=1.1)
