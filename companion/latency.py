@@ -21,6 +21,8 @@ from companion.latency_peers import PictureServer, Telemetry
 from companion.measured_daemon import MeasuredDaemon, Received, free_port
 
 SETTLE_S = 3.0
+LONG_S = 300.0
+"""From so many seconds on a growth of the memory is told: a shorter run shows but its warming up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +43,7 @@ class LatencyFigures:
     cpu_ms_per_frame: float
     rss_mb: float
     growth_mb_per_10_min: float
-    """Slope of the resident memory over the second half of the run; only long runs tell a leak from a warm-up."""
+    """Slope of the resident memory over the second half of the run; means something after LONG_S only."""
 
 
 def measure(width: int, height: int, seconds: float) -> LatencyFigures:
@@ -76,11 +78,12 @@ def table(figures: list[LatencyFigures]) -> str:
     )
     lines = [head, f"{'':>10} {'':>7} {'':>6} {'median / p95':>22} {'median / p95':>19}"]
     for f in figures:
+        growth = f"{f.growth_mb_per_10_min:.1f}" if f.seconds >= LONG_S else "-"
         lines.append(
             f"{f'{f.width}x{f.height}':>10} {f.frames:>7} {f.rate_hz:>6.1f} "
             f"{f'{f.total_median_ms:.1f} / {f.total_p95_ms:.1f}':>22} "
             f"{f'{f.software_median_ms:.1f} / {f.software_p95_ms:.1f}':>19} "
-            f"{f.cpu_ms_per_frame:>13.1f} {f.rss_mb:>7.0f} {f.growth_mb_per_10_min:>10.1f}"
+            f"{f.cpu_ms_per_frame:>13.1f} {f.rss_mb:>7.0f} {growth:>10}"
         )
     return "\n".join(lines)
 

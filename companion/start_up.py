@@ -34,11 +34,11 @@ class StartFigures:
     """From SIGTERM to the end of the process."""
 
 
-def measure(width: int, height: int) -> list[StartFigures]:
-    """All orders. Raises LandslopeError when the daemon does not come up."""
+def measure(width: int, height: int, waits_s: tuple[float, ...] = WAIT_S) -> list[StartFigures]:
+    """All orders, a run of each for every wait. Raises LandslopeError when the daemon does not come up."""
     figures = []
     for order in FROM:
-        runs = [_run(order, wait_s, (width, height)) for wait_s in WAIT_S]
+        runs = [_run(order, wait_s, (width, height)) for wait_s in waits_s]
         messages, estimates, ends = zip(*runs, strict=True)
         figures.append(StartFigures(order, messages, estimates, ends))
     return figures
