@@ -63,6 +63,8 @@ class FlightResult:
     touch_ground: Patch | None = None
     longest_fit_s: float = 0.0
     """Longest time for which plainly fit ground was in view without a break, where that was followed."""
+    longest_chance_s: float = 0.0
+    """Of that, while the ground straight below was in view and from low enough to tell."""
     unfit_seen: bool = False
     """Whether plainly unfit ground was ever in view."""
     folder: Path | None = None

@@ -15,7 +15,7 @@ import cv2
 from companion.core import Output, Processed
 from companion.flight_record import FlightRecord
 from companion.flight_result import FlightResult, PathPoint, Request, path_point
-from companion.ground import fitness, patch
+from companion.ground import fitness, patch, tellable
 from companion.hardware import NAV_LAND, LocalControls
 from companion.judge import LandRequest
 from companion.live_pipeline import LivePipeline
@@ -31,6 +31,7 @@ from drivers.simulated.autopilot_protocol import AutopilotProtocol
 from drivers.simulated.flight_controller import FlightController
 from drivers.simulated.sensors import Sensors
 from drivers.simulated.telemetry_streams import TelemetryStreams
+from landing.landing_area import LandingArea
 
 EPOCH_US = 1_700_000_000_000_000
 STEP_HZ = 200
@@ -118,7 +119,8 @@ class _Flight:
         self._truths: deque[tuple[int, float]] = deque(maxlen=200)
         self._next_frame = 0
         self._rebooted = False
-        self._fit_s = 0.0
+        self._fit_s = self._chance_s = 0.0
+        self._area = LandingArea(scene.camera_model, settings.decision, settings.tracking)
 
     def run(self, progress: Progress) -> FlightResult:
         started = time.perf_counter()
@@ -198,11 +200,14 @@ class _Flight:
     def _watch_fit(self, number: int, time_s: float, period_s: float) -> None:
         """How long plainly fit ground has been in view with the pilot's consent."""
         result = self.result
-        word = fitness(self._scene.truth(number, time_s), self._limit_deg)
+        truth = self._scene.truth(number, time_s)
+        word = fitness(truth, self._limit_deg)
         result.unfit_seen |= word == "unfit"
-        enabled = time_s >= self._scenario.pilot.switch_on_s
-        self._fit_s = self._fit_s + period_s if word == "fit" and enabled else 0.0
+        fit = word == "fit" and time_s >= self._scenario.pilot.switch_on_s
+        self._fit_s = self._fit_s + period_s if fit else 0.0
         result.longest_fit_s = max(result.longest_fit_s, self._fit_s)
+        self._chance_s = self._chance_s + period_s if fit and tellable(truth, self._area) else 0.0
+        result.longest_chance_s = max(result.longest_chance_s, self._chance_s)
 
     def _deliver(self, time_s: float) -> None:
         samples: list[Sample] = self._link.step(time_s)

@@ -20,7 +20,8 @@ from companion.scenario import Scenario, to_toml
 
 TRUTH_EVERY = 3
 OPPORTUNITY_S = 2.5
-"""Plainly fit ground in view for this long without a break, everything in order, and no request: missed."""
+"""Plainly fit ground below, seen from low enough for this long without a break, everything in order, and no request:
+missed."""
 WRONG = ("unsafe", "view", "missed")
 Z95 = 1.959964
 AHEAD = 4
@@ -47,10 +48,12 @@ class Run:
     relief: float | None
     patch_inclination_deg: float | None
     patch_deviation_m: float | None
-    """Of the square metre on which it touched down."""
+    """Of the circle of half a metre about the place where it touched down."""
     unfit_in_view: bool
     fit_s: float
     """Longest time of plainly fit ground in view without a break."""
+    chance_s: float
+    """Of that, while the ground straight below was in view, from low enough to tell what lies on it."""
     elapsed_s: float
 
     @property
@@ -64,7 +67,7 @@ class Run:
         return self.outcome.startswith("crashed")
 
     def __str__(self) -> str:
-        what = f"missed fit ground of {self.fit_s:.1f} s" if self.outcome == "missed" else self.outcome
+        what = f"missed fit ground of {self.chance_s:.1f} s" if self.outcome == "missed" else self.outcome
         if self.requested_s is not None:
             what += f": requested at {self.requested_s:.1f} s"
             what += f" on {self.inclination_deg:.1f} degrees, relief {self.relief:.4f}; touched down on"
@@ -127,6 +130,17 @@ class Report:
         ]
         return Share(sum(r.outcome == "missed" for r in chances), len(chances))
 
+    @property
+    def held_back(self) -> int:
+        """Flights with plainly fit ground in view, but too far below or not where they would land."""
+        return sum(
+            r.outcome == "right"
+            and r.requested_s is None
+            and not r.fault
+            and r.fit_s >= OPPORTUNITY_S > r.chance_s
+            for r in self.runs
+        )
+
     def in_words(self) -> str:
         """The figures, several lines."""
         kinds = Counter(r.ground for r in self.runs)
@@ -135,6 +149,7 @@ class Report:
             f"  landing requested on plainly unfit ground   {self.requested_on_unfit}",
             f"  requested with such ground beside           {self.unfit_in_view}",
             f"  landing missed on plainly fit ground        {self.missed}",
+            f"  held back: fit ground too far down or aside {self.held_back}",
             f"  requested on ground that is neither         {sum(r.outcome == 'between' for r in self.runs)}",
             f"  the software broke                          {self.crashes}",
             "  by ground: requested, on unfit, unfit beside, missed",
@@ -157,6 +172,7 @@ class Report:
             "requested_on_unfit": _figures(self.requested_on_unfit),
             "unfit_in_view": _figures(self.unfit_in_view),
             "missed": _figures(self.missed),
+            "held_back": self.held_back,
             "elapsed_s": self.elapsed_s,
             "runs": [asdict(r) for r in self.runs],
         }
@@ -180,11 +196,13 @@ def wilson(count: int, total: int) -> tuple[float, float]:
 def worst(runs: Sequence[Run]) -> list[Run]:
     """The runs that went wrong: crashes, landings on unfit ground, the steepest first, then the longest missed."""
     bad = [r for r in runs if r.outcome in ("unsafe", "view")]
-    bad.sort(key=lambda r: (r.outcome != "unsafe", -(r.inclination_deg or 0.0) - 1000 * (r.relief or 0.0)))
+    bad.sort(
+        key=lambda r: (r.outcome != "unsafe", -(r.inclination_deg or 0.0) - 1000 * (r.relief or 0.0), r.seed)
+    )
     return (
         [r for r in runs if r.crashed]
         + bad
-        + sorted((r for r in runs if r.outcome == "missed"), key=lambda r: -r.fit_s)
+        + sorted((r for r in runs if r.outcome == "missed"), key=lambda r: (-r.chance_s, r.seed))
     )
 
 
@@ -236,7 +254,7 @@ def judge(scenario: Scenario, result: FlightResult, max_inclination_deg: float) 
         if unsafe(below, max_inclination_deg):
             outcome = "unsafe"
     else:
-        outcome = "missed" if result.longest_fit_s >= OPPORTUNITY_S and not fault else "right"
+        outcome = "missed" if result.longest_chance_s >= OPPORTUNITY_S and not fault else "right"
     return Run(
         seed=scenario.basics.seed,
         ground=scenario.basics.description,
@@ -249,6 +267,7 @@ def judge(scenario: Scenario, result: FlightResult, max_inclination_deg: float) 
         patch_deviation_m=None if below is None else round(below.deviation_m, 3),
         unfit_in_view=result.unfit_seen,
         fit_s=round(result.longest_fit_s, 2),
+        chance_s=round(result.longest_chance_s, 2),
         elapsed_s=round(result.elapsed_s, 2),
     )
 
@@ -286,7 +305,7 @@ def _crashed(seed: int, error: BaseException) -> Run:
     fault = scenario.faults[0].kind if scenario.faults else ""
     what = f"crashed: {type(error).__name__}: {error}"
     nothing: tuple[None, None, None, None, None] = (None,) * 5
-    return Run(seed, scenario.basics.description, fault, what, *nothing, False, 0.0, 0.0)
+    return Run(seed, scenario.basics.description, fault, what, *nothing, False, 0.0, 0.0, 0.0)
 
 
 def _quiet() -> None:

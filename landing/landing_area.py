@@ -37,18 +37,18 @@ class LandingArea:
     """The disc of ``options.landing_radius_m`` on the ground straight below, as the camera sees it."""
 
     def __init__(self, camera: CameraModel, options: DecisionOptions, tracking: TrackingOptions) -> None:
-        self._camera, self._radius_m = camera, options.landing_radius_m
+        self.options, self._camera = options, camera
         self._window = tracking.window_px / camera.focal_px
         spacing_px = math.sqrt(camera.width * camera.height / tracking.max_features)
-        self._reach_px = max(_NEAR * spacing_px, float(tracking.window_px))
+        self._margin_px = tracking.window_px / 2
+        self._reach_px = max(_NEAR * spacing_px, self._margin_px)
 
     def look(self, estimate: SurfaceEstimate) -> AreaSeen:
         """What is seen of it at an estimate with status "ok" and an attitude.
 
         Without a height the size of the disc in the picture is unknown, and only its centre is asked for.
         """
-        height_m, tracks = estimate.height_m, estimate.tracks
-        patch_m = self._window * height_m
+        tracks, patch_m = estimate.tracks, self.patch_m(estimate.height_m)
         places = self._places(estimate)
         if places is None or tracks is None:
             return AreaSeen(0.0, patch_m)
@@ -58,6 +58,18 @@ class LandingArea:
         away = places[:, None] - tracked
         near = np.einsum("ijk,ijk->ij", away, away).min(axis=1) <= self._reach_px**2
         return AreaSeen(float(near.mean()), patch_m)
+
+    def patch_m(self, height_m: float) -> float:
+        """Side of the ground under one track's window from ``height_m`` along the axis."""
+        return self._window * height_m
+
+    def in_view(self, estimate: SurfaceEstimate) -> float:
+        """Share of the disc that lies where a track can be, whether there are any or not."""
+        places = self._places(estimate)
+        if places is None:
+            return 0.0
+        far_side = np.array((self._camera.width, self._camera.height)) - 1 - self._margin_px
+        return float(((places >= self._margin_px) & (places <= far_side)).all(axis=1).mean())
 
     def _places(self, estimate: SurfaceEstimate) -> Array | None:
         """Pixels (n, 2) of the disc's places; None where the ground below does not lie before the camera."""
@@ -74,7 +86,7 @@ class LandingArea:
             east = np.cross(down, (1.0, 0.0, 0.0))
             east /= np.linalg.norm(east)
             level = np.stack((east, np.cross(down, east)))
-            below = below + self._radius_m / estimate.height_m * (_DISC @ level)
+            below = below + self.options.landing_radius_m / estimate.height_m * (_DISC @ level)
         ahead = below[:, 2] > 0
         if not ahead.all():
             return None

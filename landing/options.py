@@ -170,7 +170,7 @@ class DecisionOptions:
     ] = 0.45
     landing_radius_m: Annotated[
         float, Limits(0.05, 10, "m", "radius of the ground below that must be measured")
-    ] = 0.4
+    ] = 0.5
     min_area_measured: Annotated[float, Limits(0, 1, "", "smallest measured share of that ground")] = 0.8
     max_standing: Annotated[int, Limits(0, 100, "", "points that may stand out from a flat surface")] = 1
     min_coverage: Annotated[float, Limits(0, 1, "", "smallest share of the image with tracks")] = 0.35

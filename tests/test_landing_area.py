@@ -117,3 +117,11 @@ def test_from_where_a_box_is_smaller_than_a_track_s_window_nothing_is_fit():
     assert against_landing(replace(even, height_m=lowest * 0.99), OPTIONS, 0.0, area) == ()
     (reason,) = against_landing(replace(even, height_m=lowest * 1.01), OPTIONS, 0.0, area)
     assert reason.startswith("too high to tell")
+
+
+def test_whether_the_place_below_is_in_view_does_not_depend_on_tracks():
+    area = LandingArea(camera(), OPTIONS, TRACKING)
+    assert area.in_view(replace(FLAT, tracks=None)) == 1.0
+    assert area.in_view(replace(FLAT, height_m=0.5)) < 0.7, "so near that it is larger than the picture"
+    assert area.in_view(replace(FLAT, roll_deg=60.0)) == 0.0
+    assert area.in_view(replace(FLAT, roll_deg=180.0)) == 0.0

@@ -234,22 +234,28 @@ def test_a_patch_knows_slope_and_bumps() -> None:
 
 
 def test_flights_that_went_wrong_come_first_in_the_report() -> None:
-    def run(seed: int, outcome: str, requested_s: float | None = None, fit_s: float = 0.0) -> Run:
+    def run(
+        seed: int, outcome: str, requested_s: float | None = None, fit_s: float = 0.0, chance_s: float = 0.0
+    ) -> Run:
         known = None if requested_s is None else 3.0
-        return Run(seed, "step", "", outcome, requested_s, known, known, known, known, True, fit_s, 1.0)
+        return Run(
+            seed, "step", "", outcome, requested_s, known, known, known, known, True, fit_s, chance_s, 1.0
+        )
 
     runs = [
         run(1, "right", 2.0),
-        run(2, "missed", fit_s=4.0),
+        run(2, "missed", fit_s=4.0, chance_s=4.0),
         run(3, "view", 1.0),
         run(4, "unsafe", 1.0),
         run(5, "crashed: IndexError: none there"),
         run(6, "right"),
+        run(7, "right", fit_s=5.0, chance_s=1.0),
     ]
     report = Report(runs)
     assert [r.seed for r in worst(runs)] == [5, 4, 3, 2]
-    assert (report.requested_on_unfit.count, report.requested_on_unfit.total) == (1, 6)
+    assert (report.requested_on_unfit.count, report.requested_on_unfit.total) == (1, 7)
     assert (report.missed.count, report.missed.total) == (1, 2)
+    assert report.held_back == 1
     assert report.crashes == 1
     words = report.in_words()
     assert "seed 5 (step): crashed: IndexError: none there" in words
