@@ -27,6 +27,11 @@ class _Look:
     picture: NDArray[np.float32]
     ned_from_camera: NDArray[np.float64]
 
+    @property
+    def axis(self) -> NDArray[np.float64]:
+        """The optical axis (3,) in NED."""
+        return self.ned_from_camera[:, 2]
+
 
 class FrozenCamera:
     """Pure: fed with every picture and the attitude at its exposure.
@@ -51,8 +56,7 @@ class FrozenCamera:
         look = _Look(time_s, picture, ned_from_body @ self._camera.body_from_camera)
         while self._looks and not 0 <= time_s - self._looks[0].time_s <= self._s.frozen_window_s:
             self._looks.popleft()
-        then = max(self._looks, key=lambda old: self._turn(old, look)[1], default=look)
-        turn, turn_px = self._turn(then, look)
+        then, turn, turn_px = self._furthest(look)
         if self.frozen or turn_px >= self._s.frozen_turn_px:
             still = self._still(then, look, turn, turn_px)
             self._witnesses = self._witnesses + 1 if still else 0
@@ -61,11 +65,18 @@ class FrozenCamera:
             self._looks.append(look)
         return self.frozen
 
-    def _turn(self, then: _Look, now: _Look) -> tuple[NDArray[np.float64], float]:
-        """How far rotation alone moves the middle of the picture: (2,) and its length, in pixels of the full image."""
-        axis = now.ned_from_camera.T @ then.ned_from_camera[:, 2]
-        turn = self._camera.focal_px * axis[:2] / max(axis[2], 1e-6)
-        return turn, float(np.hypot(*turn))
+    def _furthest(self, now: _Look) -> tuple[_Look, NDArray[np.float64], float]:
+        """The look between which and now rotation alone moves the middle of the picture most.
+
+        And how far: (2,) and its length, in pixels of the full image.
+        """
+        if not self._looks:
+            return now, np.zeros(2), 0.0
+        axes = np.array([old.axis for old in self._looks]) @ now.ned_from_camera
+        turns = self._camera.focal_px * axes[:, :2] / np.maximum(axes[:, 2:], 1e-6)
+        lengths2 = (turns * turns).sum(axis=1)
+        most = int(lengths2.argmax())
+        return self._looks[most], turns[most], float(np.sqrt(lengths2[most]))
 
     def _still(self, then: _Look, now: _Look, turn: NDArray[np.float64], turn_px: float) -> bool:
         """Whether the picture changed by far less than the turn alone (at least the smallest that counts) would do."""

@@ -3,9 +3,8 @@
 import re
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -28,8 +27,7 @@ _stamp = struct.Struct(">Q")
 _parser = mavlink.MAVLink(None)
 
 
-@dataclass(frozen=True, slots=True)
-class Record:
+class Record(NamedTuple):
     """One packet of a tlog by its place: stamp at ``start``, packet behind it, payload at ``payload``.
 
     ``message_id`` GARBAGE: bytes that are no packet.

@@ -27,6 +27,10 @@ class TrackingOptions:
         float, Limits(0, 1, "", "share of tracks lost at which a prediction counts as wrong")
     ] = 0.2
     levels_unpredicted: Annotated[int, Limits(0, 5, "", "pyramid levels above the image where it is not")] = 3
+    warp_min_tracks: Annotated[int, Limits(8, 1000, "", "fewest tracks to warp the reference image by")] = 20
+    warp_from_px: Annotated[
+        float, Limits(0, 10, "px", "deformation at a patch's edge from which the reference is warped")
+    ] = 0.3
     blur_px: Annotated[float, Limits(0, 3, "px", "sigma of a blur before tracking")] = 0.0
     contrast: Annotated[
         float, Limits(5, 120, "", "standard deviation of grey that images are stretched to")
@@ -47,7 +51,7 @@ class TrackingOptions:
     )
     forward_backward_max_px: Annotated[
         float, Limits(0.05, 5, "px", "a track that does not come back to its start within this is refused")
-    ] = 0.5
+    ] = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +123,7 @@ class EstimatorOptions:
     standing_frames: Annotated[int, Limits(1, 100, "frames", "how long a point must stand out to count")] = 2
     margin_kept: Annotated[
         float, Limits(0, 0.5, "", "border beyond the view, over its width, still remembered")
-    ] = 0.06
+    ] = 0.025
     remembered: Annotated[int, Limits(0, 1000, "", "points that stood out and are remembered")] = 100
     gross_sigmas: Annotated[
         float, Limits(1, 20, "sigma", "residual across the motion that unmasks an error")

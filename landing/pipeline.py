@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +50,8 @@ class SurfacePipeline:
         self.estimator = ESTIMATORS[options.estimator.method](
             options.estimator, camera.focal_px, options.tracking.max_features
         )
-        self.relief = ReliefMap(options.estimator, camera, options.tracking.max_features)
+        tracking = options.tracking
+        self.relief = ReliefMap(options.estimator, camera, tracking.max_features, tracking.window_px / 2)
         self._motion: tuple[Array, Array] | None = None
         self._last_s = -math.inf
 
@@ -72,7 +73,7 @@ class SurfacePipeline:
         self._last_s = observation.time_s
         plane = self.estimator.step(self.views)
         self._motion = None
-        if plane.status == "ok":
+        if plane.status == "ok" and math.isfinite(plane.divergence):
             self._motion = plane.omega, plane.normal
         return self._estimate(observation, plane)
 
@@ -92,7 +93,6 @@ class SurfacePipeline:
 
     def _estimate(self, observation: Observation, plane: Plane) -> SurfaceEstimate:
         o = self.options.estimator
-        view = self.views.newest
         coverage = self.views.tracker.coverage()
         status = plane.status
         if status == "ok" and coverage < o.min_coverage:
@@ -101,6 +101,18 @@ class SurfacePipeline:
         if observation.ned_from_body is not None:
             roll, pitch, _ = euler_from_matrix(observation.ned_from_body)
         relief_ = self.relief.step(self.views, plane)
+        known: dict[str, Any] = {}
+        if math.isfinite(plane.divergence):
+            known = {
+                "ventral_flow_x": float(plane.omega[0]),
+                "ventral_flow_y": float(plane.omega[1]),
+                "divergence": plane.divergence,
+                "time_to_contact_s": plane.time_to_contact_s,
+            }
+        if status == "ok":
+            known |= self._surface(observation, plane, roll, pitch)
+            if relief_:
+                known["roughness"], known["roughness_std"] = relief_.roughness, relief_.roughness_std
         estimate = SurfaceEstimate(
             observation.frame,
             observation.time_s,
@@ -108,55 +120,48 @@ class SurfacePipeline:
             o.method,
             roll_deg=math.degrees(roll),
             pitch_deg=math.degrees(pitch),
-            features=int(self.views.tracker.alive.sum()),
+            features=int(np.count_nonzero(self.views.tracker.alive)),
             coverage=coverage,
+            standing=relief_.standing if relief_ and status == "ok" else 0,
             tracks=self._track_view(plane, relief_),
+            **known,
         )
-        if math.isfinite(plane.divergence):
-            estimate = replace(
-                estimate,
-                ventral_flow_x=float(plane.omega[0]),
-                ventral_flow_y=float(plane.omega[1]),
-                divergence=plane.divergence,
-                time_to_contact_s=plane.time_to_contact_s,
-            )
-        if status == "ok":
-            deg = math.degrees
-            std = np.sqrt(np.diag(plane.slope_covariance))
-            # without the vehicle's attitude taken out, the camera stands for level (the paper's comparison)
-            attitude = view.ned_from_camera if o.use_attitude else self.camera.body_from_camera
-            below = surface(
-                plane.a,
-                plane.b,
-                plane.slope_covariance,
-                None if view.ned_from_camera is None else attitude,
-                self.camera.body_from_camera,
-                roll if o.use_attitude else 0.0,
-                pitch if o.use_attitude else 0.0,
-                math.radians(o.attitude_std_deg),
-            )
-            height_m, height_std_m = self._height(observation, plane)
-            estimate = replace(
-                estimate,
-                height_m=height_m,
-                height_std_m=height_std_m,
-                slope_x_deg=deg(math.atan(plane.a)),
-                slope_y_deg=deg(math.atan(plane.b)),
-                slope_x_std_deg=deg(float(std[0]) / (1 + plane.a**2)),
-                slope_y_std_deg=deg(float(std[1]) / (1 + plane.b**2)),
-                surface_pitch_deg=below.pitch_deg,
-                surface_roll_deg=below.roll_deg,
-                inclination_deg=below.inclination_deg,
-                inclination_std_deg=below.inclination_std_deg,
-                downhill_bearing_deg=below.bearing_deg if below.inclination_deg > 0 else math.nan,
-                roughness=relief_.roughness if relief_ else math.nan,
-                roughness_std=relief_.roughness_std if relief_ else math.nan,
-                standing=relief_.standing if relief_ else 0,
-                inlier_fraction=plane.inlier_fraction,
-                fit_error_px=plane.fit_error * self.camera.focal_px,
-            )
         reasons = against_flat(estimate, self.options.decision)
         return replace(estimate, flat=not reasons, against_flat=reasons)
+
+    def _surface(self, observation: Observation, plane: Plane, roll: float, pitch: float) -> dict[str, float]:
+        """Fields of the estimate that a plane gives."""
+        o, deg = self.options.estimator, math.degrees
+        ned_from_camera = self.views.newest.ned_from_camera
+        std_a, std_b = (math.sqrt(plane.slope_covariance[k, k]) for k in (0, 1))
+        # without the vehicle's attitude taken out, the camera stands for level (the paper's comparison)
+        attitude = ned_from_camera if o.use_attitude else self.camera.body_from_camera
+        below = surface(
+            plane.a,
+            plane.b,
+            plane.slope_covariance,
+            None if ned_from_camera is None else attitude,
+            self.camera.body_from_camera,
+            roll if o.use_attitude else 0.0,
+            pitch if o.use_attitude else 0.0,
+            math.radians(o.attitude_std_deg),
+        )
+        height_m, height_std_m = self._height(observation, plane)
+        return {
+            "height_m": height_m,
+            "height_std_m": height_std_m,
+            "slope_x_deg": deg(math.atan(plane.a)),
+            "slope_y_deg": deg(math.atan(plane.b)),
+            "slope_x_std_deg": deg(std_a / (1 + plane.a**2)),
+            "slope_y_std_deg": deg(std_b / (1 + plane.b**2)),
+            "surface_pitch_deg": below.pitch_deg,
+            "surface_roll_deg": below.roll_deg,
+            "inclination_deg": below.inclination_deg,
+            "inclination_std_deg": below.inclination_std_deg,
+            "downhill_bearing_deg": below.bearing_deg if below.inclination_deg > 0 else math.nan,
+            "inlier_fraction": plane.inlier_fraction,
+            "fit_error_px": plane.fit_error * self.camera.focal_px,
+        }
 
     def _height(self, observation: Observation, plane: Plane) -> tuple[float, float]:
         ned_from_camera = self.views.newest.ned_from_camera

@@ -9,9 +9,11 @@ old_from_new and d its small error, which has a prior. The paper's Eqs. 7 and 8 
 import math
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from landing.homography import robust
 from landing.rotations import exp_so3
 
 Points = NDArray[np.float64]
@@ -25,6 +27,8 @@ _SHARE = 1 - _TRUNCATION * math.exp(-_TRUNCATION) / (1 - math.exp(-_TRUNCATION))
 """Mean of a chi-square of two degrees cut at 2.5 sigma, over two."""
 
 _SCALE_ROUNDS, _SCALE_SETTLED = 4, 0.01
+
+_NEXT, _NEXT2 = np.array((1, 2, 0)), np.array((2, 0, 1))
 
 PARAMETERS = 8
 """t (3), a, b, d (3): the order of ``PlaneFit.covariance``."""
@@ -101,45 +105,46 @@ def fit_plane(
     x[:3], x[3], x[4] = start
     if start_d is not None:
         x[5:] = start_d
-    residual = problem.residual(x)
-    noise = problem.scale(residual, False)
+    length2 = problem.residual(x)
+    noise = problem.scale(length2, False)
+    weight, cost = problem.weigh(x, length2, noise, cut)
     damping, converged = 0.0, False
     for iteration in range(iterations):
-        weight = problem.weights(residual, noise, cut)
-        cost = problem.cost(x, residual, noise, cut)
-        hessian, gradient = problem.normal_equations(x, residual, weight, noise)
+        hessian, gradient = problem.normal_equations(x, weight, noise)
         while True:
             damped = hessian + np.diag(np.diag(hessian) * damping) if damping else hessian
-            tried = x + np.linalg.solve(damped, gradient)
-            r = problem.residual(tried)
-            if problem.cost(tried, r, noise, cut) <= cost * (1 + 1e-9) + 1e-9 or damping > 1e4:
+            solved, step = cv2.solve(damped, gradient[:, None], flags=cv2.DECOMP_CHOLESKY)
+            if not solved:
+                return None
+            tried = x + step[:, 0]
+            length2 = problem.residual(tried)
+            weight, tried_cost = problem.weigh(tried, length2, noise, cut)
+            if tried_cost <= cost * (1 + 1e-9) + 1e-9 or damping > 1e4:
                 break
             damping = max(1e-3, damping * 10)
         # Newton's decrement: twice the cost still to be gained, in units of the noise
-        decrement = float(gradient @ (tried - x))
-        x, residual = tried, r
+        decrement = float(gradient @ step[:, 0])
+        x, cost = tried, tried_cost
         damping = damping / 10 if damping > 1e-3 else 0.0
-        if iteration < 2:
+        converged = iteration > 0 and abs(decrement) < tolerance
+        if converged or iteration < 2:
             # the scale settles first: a cost that changes under way does not converge
-            noise = problem.scale(residual, True)
-        if iteration and abs(decrement) < tolerance:
-            converged = True
+            noise = problem.scale(length2, True)
+            weight, cost = problem.weigh(x, length2, noise, cut)
+        if converged:
             break
-    noise = problem.scale(residual, True)
-    weight = problem.weights(residual, noise, cut)
     if not converged:
         # where the last step was short, its matrix serves
-        hessian, _ = problem.normal_equations(x, residual, weight, noise)
-    try:
-        covariance: Array = np.linalg.inv(hessian).astype(np.float64)
-    except np.linalg.LinAlgError:
+        hessian, _ = problem.normal_equations(x, weight, noise)
+    regular, covariance = cv2.invert(hessian, flags=cv2.DECOMP_CHOLESKY)
+    if not regular:
         return None
     return PlaneFit(
         x[:3].copy(),
         float(x[3]),
         float(x[4]),
         x[5:].copy(),
-        covariance,
+        np.asarray(covariance, np.float64),
         problem.raw.T,
         weight,
         noise,
@@ -163,52 +168,53 @@ class _Problem:
         self.precision = np.full(PARAMETERS, prior.displacement_std**-2.0)
         self.precision[3:5] = prior.slope_std**-2.0
         self.precision[5:] = prior.rotation_std**-2.0
-        self.jacobian = np.empty((2, PARAMETERS, n))
+        self.rows = np.empty((PARAMETERS + 1, 2, n))
+        self.whitened = self.rows[PARAMETERS]
         self.at: Array | None = None
 
     def residual(self, x: Array) -> Array:
-        """Observed minus predicted in the old frame, whitened (2, n)."""
-        p, self.at = self.p, x
+        """Squared length (n,) of observed minus predicted in the old frame, whitened; ``raw`` keeps it as it is."""
+        self.at = x
         self.rotation = self.rotation0 @ exp_so3(x[5:])
-        self.depth = 1.0 - x[3] * p[0] - x[4] * p[1]
-        self.seen = p - x[:3, None] * self.depth
+        self.depth = np.array((-x[3], -x[4], 1.0)) @ self.p
+        self.seen = self.p - np.multiply.outer(x[:3], self.depth)
         there = self.rotation @ self.seen
         self.inverse = 1.0 / there[2]
         self.projected = there[:2] * self.inverse
-        raw = self.q - self.projected
-        self.raw = raw
-        out = np.empty_like(raw)
-        np.multiply(self.c11, raw[0], out=out[0])
-        out[0] += self.c12 * raw[1]
-        np.multiply(self.c22, raw[1], out=out[1])
-        return out
+        self.raw = self.q - self.projected
+        out = self.whitened
+        np.multiply(self.c11, self.raw[0], out=out[0])
+        out[0] += self.c12 * self.raw[1]
+        np.multiply(self.c22, self.raw[1], out=out[1])
+        square = out * out
+        return np.add(square[0], square[1])
 
-    def normal_equations(self, x: Array, residual: Array, weight: Array, noise: float) -> tuple[Array, Array]:
-        """Gauss-Newton matrix (8, 8) and right-hand side (8,) at the last ``residual`` call's point."""
+    def normal_equations(self, x: Array, weight: Array, noise: float) -> tuple[Array, Array]:
+        """Gauss-Newton matrix (8, 8) and right-hand side (8,) at x."""
         if self.at is not x:
             self.residual(x)
-        rotation, seen, j = self.rotation, self.seen, self.jacobian
-        # d projection / d seen, whitened: (2, 3, n)
-        g = (rotation[:2, :, None] - rotation[2][:, None] * self.projected[:, None]) * self.inverse
-        g[0] *= self.c11
-        g[0] += self.c12 * g[1]
-        g[1] *= self.c22
-        np.multiply(g, -self.depth, out=j[:, 0:3])
-        along = x[0] * g[:, 0] + x[1] * g[:, 1] + x[2] * g[:, 2]
-        np.multiply(along[:, None], self.p[:2], out=j[:, 3:5])
-        j[:, 5] = g[:, 2] * seen[1] - g[:, 1] * seen[2]
-        j[:, 6] = g[:, 0] * seen[2] - g[:, 2] * seen[0]
-        j[:, 7] = g[:, 1] * seen[0] - g[:, 0] * seen[1]
-        weighted = j * (weight / noise**2)
-        hessian = weighted[0] @ j[0].T + weighted[1] @ j[1].T
+        rotation, seen, j = self.rotation, self.seen, self.rows
+        # d projection / d seen, whitened: (3, 2, n)
+        g = rotation[:2].T[:, :, None] - rotation[2][:, None, None] * self.projected
+        g *= self.inverse
+        g[:, 0] *= self.c11
+        g[:, 0] += self.c12 * g[:, 1]
+        g[:, 1] *= self.c22
+        np.multiply(g, -self.depth, out=j[0:3])
+        np.multiply((x[:3] @ g.reshape(3, -1)).reshape(2, -1), self.p[:2, None], out=j[3:5])
+        # seen cross g: what a small turn does
+        np.multiply(g[_NEXT2], seen[_NEXT, None], out=j[5:8])
+        j[5:8] -= g[_NEXT] * seen[_NEXT2, None]
+        weighted = j * (weight * noise**-2)
+        product = weighted[:PARAMETERS].reshape(PARAMETERS, -1) @ j.reshape(PARAMETERS + 1, -1).T
+        hessian = product[:, :PARAMETERS].copy()
         hessian.ravel()[:: PARAMETERS + 1] += self.precision
-        gradient = weighted[0] @ residual[0] + weighted[1] @ residual[1] - self.precision * x
-        return hessian, gradient
+        return hessian, product[:, PARAMETERS] - self.precision * x
 
-    def scale(self, residual: Array, refine: bool) -> float:
+    def scale(self, length2: Array, refine: bool) -> float:
         """Noise per coordinate: from the median, refined by the mean square of the residuals near it."""
-        length2 = residual[0] ** 2 + residual[1] ** 2
-        noise2 = float(np.partition(length2, len(length2) // 2)[len(length2) // 2]) / _MEDIAN
+        middle = len(length2) // 2
+        noise2 = float(np.partition(length2, middle)[middle]) / _MEDIAN
         if refine:
             # with half the tracks wrong the median is far too large: again until what is inside agrees
             for _ in range(_SCALE_ROUNDS):
@@ -222,14 +228,12 @@ class _Problem:
         floor, cap = self.prior.noise_floor, self.prior.noise_cap
         return float(min(max(math.sqrt(noise2), floor), cap))
 
-    def weights(self, residual: Array, noise: float, cut: float) -> Array:
-        e = (residual[0] ** 2 + residual[1] ** 2) * (1.0 / (cut * noise) ** 2)
-        return np.maximum(0.0, 1.0 - e) ** 2
-
-    def cost(self, x: Array, residual: Array, noise: float, cut: float) -> float:
-        e = np.minimum((residual[0] ** 2 + residual[1] ** 2) * (1.0 / (cut * noise) ** 2), 1.0)
-        tukey = float((1 - (1 - e) ** 3).sum()) * cut**2 / 6
-        return tukey + 0.5 * float((self.precision * x * x).sum())
+    def weigh(self, x: Array, length2: Array, noise: float, cut: float) -> tuple[Array, float]:
+        """Tukey's weights (n,) and the cost at x."""
+        left = np.maximum(1.0 - length2 * (1.0 / (cut * noise) ** 2), 0.0)
+        weight = left * left
+        tukey = (len(left) - float(weight @ left)) * cut**2 / 6
+        return weight, tukey + 0.5 * float(self.precision @ (x * x))
 
 
 def start_from_homography(new: Points, old: Points, old_from_new: Array) -> tuple[Array, float, float] | None:
@@ -242,7 +246,7 @@ def start_from_homography(new: Points, old: Points, old_from_new: Array) -> tupl
     if (q[:, 2] <= 1e-6).any():
         return None
     q = q / q[:, 2:]
-    h = _robust_homography(p[:, :2], q[:, :2])
+    h = robust(p[:, :2], q[:, :2])
     if h is None:
         return None
     singular = np.linalg.svd(h, compute_uv=False)
@@ -259,53 +263,3 @@ def start_from_homography(new: Points, old: Points, old_from_new: Array) -> tupl
     a, b = -n[0] / n[2], -n[1] / n[2]
     limit = 4.0
     return t, float(np.clip(a, -limit, limit)), float(np.clip(b, -limit, limit))
-
-
-def _robust_homography(p: Points, q: Points, hypotheses: int = 96, seed: int = 1) -> Array | None:
-    """Homography (3, 3) of (n, 2) points by a batch of four-point hypotheses and two refits; least median wins."""
-    n = len(p)
-    rng = np.random.default_rng(seed)
-    pick = rng.random((hypotheses, n)).argpartition(3, axis=1)[:, :4]
-    x, y, u, v = p[pick, 0], p[pick, 1], q[pick, 0], q[pick, 1]
-    rows = np.zeros((hypotheses, 8, 8))
-    rows[:, 0::2, 0], rows[:, 0::2, 1], rows[:, 0::2, 2] = x, y, 1
-    rows[:, 1::2, 3], rows[:, 1::2, 4], rows[:, 1::2, 5] = x, y, 1
-    rows[:, 0::2, 6], rows[:, 0::2, 7] = -u * x, -u * y
-    rows[:, 1::2, 6], rows[:, 1::2, 7] = -v * x, -v * y
-    right = np.empty((hypotheses, 8, 1))
-    right[:, 0::2, 0], right[:, 1::2, 0] = u, v
-    rows[:, range(8), range(8)] += 1e-12
-    usable = np.abs(np.linalg.det(rows)) > 1e-24
-    if not usable.any():
-        return None
-    h = np.linalg.solve(rows[usable], right[usable])[..., 0]
-    h = np.concatenate((h, np.ones((len(h), 1))), axis=1).reshape(-1, 3, 3)
-    ones = np.ones((n, 1))
-    out = np.concatenate((p, ones), axis=1) @ h.transpose(0, 2, 1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        error = ((out[..., :2] / out[..., 2:] - q) ** 2).sum(axis=2)
-    error = np.where(np.isfinite(error), error, np.inf)
-    score = np.partition(error, n // 2, axis=1)[:, n // 2]
-    best = int(score.argmin())
-    estimate, e = h[best], error[best]
-    for _ in range(2):
-        inside = e <= max(float(np.median(e)) * 6.0, 1e-12)
-        if int(inside.sum()) < 6:
-            break
-        refit = _linear_homography(p[inside], q[inside])
-        out1 = np.concatenate((p, ones), axis=1) @ refit.T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            e1 = ((out1[:, :2] / out1[:, 2:] - q) ** 2).sum(axis=1)
-        if not np.isfinite(e1).all() or np.median(e1) > np.median(e) * 1.5:
-            break
-        estimate, e = refit, e1
-    return estimate
-
-
-def _linear_homography(p: Points, q: Points) -> Array:
-    x, y, u, v = p[:, 0], p[:, 1], q[:, 0], q[:, 1]
-    zero, one = np.zeros_like(x), np.ones_like(x)
-    top = np.column_stack((x, y, one, zero, zero, zero, -u * x, -u * y))
-    bottom = np.column_stack((zero, zero, zero, x, y, one, -v * x, -v * y))
-    solution = np.linalg.lstsq(np.concatenate((top, bottom)), np.concatenate((u, v)), rcond=None)[0]
-    return np.append(solution, 1.0).reshape(3, 3)

@@ -49,14 +49,17 @@ class ReliefMap:
     no longer tracked, near the border or behind a step, still counts.
     """
 
-    def __init__(self, options: EstimatorOptions, camera: CameraModel, capacity: int) -> None:
-        self.options, self.camera = options, camera
+    def __init__(
+        self, options: EstimatorOptions, camera: CameraModel, capacity: int, border_px: float
+    ) -> None:
+        self.options, self.camera, self._border_px = options, camera, border_px
         self._points = np.empty((0, 2))
         self._heights = np.empty(0)
         self._streak = np.zeros(capacity, np.int64)
         self._born = np.full(capacity, -1, np.int64)
         self._cell_px = math.sqrt(camera.width * camera.height / options.relief_cells)
         self._columns = math.ceil(camera.width / self._cell_px)
+        self._cells = self._columns * math.ceil(camera.height / self._cell_px)
 
     def move(self, new_from_previous: Array | None) -> None:
         """Carry the remembered points into the next frame (homography of normalised points, None: forget)."""
@@ -90,9 +93,10 @@ class ReliefMap:
         variance = np.where(twice, s * s2, s**2)
         cell = self._cell(tracker.pixels[slots])
         self._remember(views, slots, h, s, h2, s2, cell)
-        lost = self._cell(self.camera.project(self._points)) if len(self._points) else np.empty(0, np.int64)
-        # where something is measured now, that counts
-        gone = ~np.isin(lost, cell)
+        remembered_px = self.camera.project(self._points)
+        lost = self._cell(remembered_px)
+        # where something is measured now, that counts; no track reaches into the border
+        gone = ~self._marked(cell)[lost] | self._in_border(remembered_px)
         cell = np.concatenate((cell, lost[gone]))
         product = np.concatenate((product, self._heights[gone] ** 2))
         variance = np.concatenate((variance, np.full(int(gone.sum()), float(variance.min()))))
@@ -210,6 +214,17 @@ class ReliefMap:
         place = (np.clip(pixel, 0, last) // self._cell_px).astype(np.int64)
         return place[:, 1] * self._columns + place[:, 0]
 
+    def _in_border(self, pixel: NDArray[np.floating]) -> NDArray[np.bool_]:
+        """Which pixels (n, 2) lie where no track can be, as its window would reach beyond the image."""
+        limit = np.array((self.camera.width, self.camera.height)) - self._border_px
+        return np.asarray(((pixel < self._border_px) | (pixel > limit)).any(axis=1))
+
+    def _marked(self, cell: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Which of all cells occur in ``cell`` (n,)."""
+        marks = np.zeros(self._cells, bool)
+        marks[cell] = True
+        return marks
+
     def _remember(
         self,
         views: Views,
@@ -225,10 +240,10 @@ class ReliefMap:
         stands = (np.abs(h) > o.standing_sigmas * s) & (np.abs(h) > o.relief_scale)
         sure = stands & (np.abs(h2) > o.standing_sigmas * s2) & (np.sign(h2) == np.sign(h))
         if len(self._points):
-            even = np.unique(cell[~stands & (s < o.relief_scale)])
-            rough = np.unique(cell[stands])
-            mine = self._cell(self.camera.project(self._points))
-            keep = ~np.isin(mine, np.setdiff1d(even, rough)) & ~np.isin(mine, cell[sure])
+            even = self._marked(cell[~stands & (s < o.relief_scale)]) & ~self._marked(cell[stands])
+            replaced = even | self._marked(cell[sure])
+            pixel = self.camera.project(self._points)
+            keep = ~replaced[self._cell(pixel)] | self._in_border(pixel)
             self._points, self._heights = self._points[keep], self._heights[keep]
         if sure.any():
             tracker = views.tracker

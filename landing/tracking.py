@@ -15,12 +15,14 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from landing.camera import CameraModel
+from landing.homography import Warp, apply, least_squares, stretch
 from landing.options import TrackingOptions
 
 Points = NDArray[np.float64]
 Image = NDArray[Any]
 
 _CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 0.01)
+_VECTOR = 8
 _GUESS = cv2.OPTFLOW_USE_INITIAL_FLOW
 
 
@@ -57,6 +59,7 @@ class FeatureTracker:
         self.pixel_history = np.full((self.HISTORY, n, 2), np.nan, np.float32)
         self.whitener = np.ones((3, n))
         self.refused = 0
+        self._warp = Warp(camera)
         self._reference: Image | None = None
         self._reference_frame = -1
         self._reference_px = np.zeros((n, 2), np.float32)
@@ -127,21 +130,38 @@ class FeatureTracker:
         if not len(slots):
             return
         o = self.options
-        guess, levels = self.pixels[slots], o.levels_unpredicted
-        if new_from_previous is not None:
-            previous = self.history[(self.frame - 1) % self.HISTORY, slots]
-            p = previous @ new_from_previous[:, :2].T + new_from_previous[:, 2]
-            guess = self.camera.project(p[:, :2] / p[:, 2:]).astype(np.float32)
-            levels = o.levels
-        start = self._reference_px[slots]
-        found, good, inside = self._match(reference, image, start, guess, levels)
-        if new_from_previous is not None and np.count_nonzero(inside & ~good) > o.retry_share * len(slots):
-            # the prediction was wrong: search as if there were none
-            last = self.pixels[slots]
+        start, last = self._reference_px[slots], self.pixels[slots]
+        new_from_reference = self._from_reference(slots, new_from_previous)
+        if new_from_reference is None:
             found, good, inside = self._match(reference, image, start, last, o.levels_unpredicted)
+        else:
+            seen = self.history[self._reference_frame % self.HISTORY, slots]
+            there = self.camera.project(apply(new_from_reference, seen)).astype(np.float32)
+            if stretch(new_from_reference) * o.window_px / 2 > o.warp_from_px:
+                # patches are compared as the plane seen last turns and stretches them
+                reference_there = self._warp(reference, new_from_reference)
+                found, good, inside = self._match(reference_there, image, there, there, o.levels)
+            else:
+                found, good, inside = self._match(reference, image, start, there, o.levels)
+            if np.count_nonzero(inside & ~good) > o.retry_share * len(slots):
+                # the prediction was wrong: search as if there were none
+                found, good, inside = self._match(reference, image, start, last, o.levels_unpredicted)
         self.refused += int(np.count_nonzero(inside & ~good))
         self.pixels[slots] = found
         self.alive[slots[~good]] = False
+
+    def _from_reference(
+        self, slots: NDArray[np.intp], new_from_previous: NDArray[np.float64] | None
+    ) -> NDArray[np.float64] | None:
+        """Homography to this frame from the reference: what the tracks did so far, then the prediction."""
+        if new_from_previous is None or len(slots) < self.options.warp_min_tracks:
+            return None
+        if self._reference_frame == self.frame - 1:
+            return new_from_previous
+        seen = self.history[self._reference_frame % self.HISTORY, slots]
+        previous = self.history[(self.frame - 1) % self.HISTORY, slots]
+        previous_from_reference = least_squares(seen, previous)
+        return None if previous_from_reference is None else new_from_previous @ previous_from_reference
 
     def _match(
         self, reference: Image, image: Image, start: Image, guess: Image, levels: int
@@ -152,6 +172,8 @@ class FeatureTracker:
         found, status, _ = cv2.calcOpticalFlowPyrLK(
             reference, image, start, guess.copy(), None, None, window, levels, _CRITERIA, _GUESS, 1e-4
         )
+        # the way back is only compared with a bound: rows of whole vectors are twice as fast
+        window = (-(-o.window_px // _VECTOR) * _VECTOR, o.window_px)
         back, status_back, _ = cv2.calcOpticalFlowPyrLK(
             image, reference, found, start.copy(), None, None, window, 0, _CRITERIA, _GUESS, 1e-4
         )
@@ -236,7 +258,9 @@ class FeatureTracker:
         cells = cells[np.argsort(-value[cells], kind="stable")]
         u = self._left + (cells % cols) * s + best[cells] % s
         v = self._top + (cells // cols) * s + best[cells] // s
-        return np.column_stack((u, v)).astype(np.float32)
+        # in the middle of its window's pixels: a template that is not interpolated has half the bias
+        middle = 0.5 if o.window_px % 2 == 0 else 0.0
+        return np.column_stack((u + middle, v + middle)).astype(np.float32)
 
     def _whitener(self, tensor: Points) -> Points:
         """c11, c12, c22 (3, n) for mean structure tensors xx, xy, yy (3, n) in grey levels squared per pixel."""

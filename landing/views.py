@@ -56,7 +56,8 @@ class Views:
         self.camera = camera
         self.tracker = FeatureTracker(camera, options)
         self._views: list[View] = []
-        self._start = 0
+        self._attitudes = np.full((FeatureTracker.HISTORY, 3, 3), np.nan)
+        """ned_from_camera of the last frames, in the tracker's ring; NaN where unknown."""
 
     def step(self, observation: Observation, new_from_previous: Array | None) -> None:
         """Take the next exposure; ``new_from_previous`` as in ``FeatureTracker.step``."""
@@ -66,6 +67,9 @@ class Views:
         self.tracker.step(observation.image, new_from_previous)
         view = View(observation.frame, observation.time_s, ned_from_camera, observation.rotation_std_rad)
         self._views.append(view)
+        self._attitudes[self.tracker.frame % FeatureTracker.HISTORY] = (
+            np.nan if ned_from_camera is None else ned_from_camera
+        )
         if len(self._views) > FeatureTracker.HISTORY:
             del self._views[0]
 
@@ -113,13 +117,14 @@ class Views:
 
     def _derotated(self, gaps: NDArray[np.intp], slots: NDArray[np.intp]) -> Array:
         tracker = self.tracker
-        old = tracker.history[((tracker.frame - gaps) % tracker.HISTORY)[:, None], slots]
-        newest = self.newest.ned_from_camera
-        attitudes = [self.view(int(gap)).ned_from_camera for gap in gaps]
-        if newest is None or any(attitude is None for attitude in attitudes):
+        place = (tracker.frame - gaps) % tracker.HISTORY
+        old = tracker.history[place[:, None], slots]
+        newest, attitudes = self.newest.ned_from_camera, self._attitudes[place]
+        if newest is None or np.isnan(attitudes[:, 0, 0]).any():
             return old
-        turn = np.array(attitudes).transpose(0, 2, 1) @ newest
-        q = old @ turn[:, :2] + turn[:, 2:]
+        turn = attitudes.transpose(0, 2, 1) @ newest
+        q = old @ turn[:, :2]
+        q += turn[:, 2:]
         return q[..., :2] / q[..., 2:]
 
     def profile(self, sample: int) -> tuple[NDArray[np.intp], Array, Array]:

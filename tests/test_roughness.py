@@ -34,7 +34,7 @@ def fly(
     up = (rng.random(len(points)) < share) * relief
     points[:, 2] -= up * height_m
     flight = synthetic_flow.Flight(points, rng, noise_px)
-    found = ReliefMap(OPTIONS, flight.camera, len(points))
+    found = ReliefMap(OPTIONS, flight.camera, len(points), 0.0)
     step = np.array(direction) * speed * height_m / RATE_HZ
     out = None
     wrong = rng.random(len(points)) < gross
@@ -116,4 +116,4 @@ def test_without_a_plane_there_is_none():
     rng = np.random.default_rng(3)
     flight = synthetic_flow.Flight(synthetic_flow.ground(rng, 0, 0, 2.0, 2.0), rng)
     views = flight.step(0.0, np.zeros(3))
-    assert ReliefMap(OPTIONS, flight.camera, 300).step(views, Plane("motion_too_small")) is None
+    assert ReliefMap(OPTIONS, flight.camera, 300, 8.0).step(views, Plane("motion_too_small")) is None
