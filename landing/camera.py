@@ -41,6 +41,12 @@ class CameraModel:
         if self.distortion.size not in (4, 5, 8, 12, 14) or not np.isfinite(self.distortion).all():
             raise LandingError(f"{self.distortion.size} distortion coefficients: must be 4, 5, 8, 12 or 14")
 
+        given = np.zeros(12)
+        given[: min(12, self.distortion.size)] = self.distortion[:12]
+        self._coefficients = tuple(map(float, given))
+        self._distorted = bool(given.any())
+        self._rational, self._prismatic = bool(given[5:8].any()), bool(given[8:].any())
+
     @classmethod
     def from_focal(
         cls, width: int, height: int, focal_px: float, body_from_camera: NDArray[np.float64] = DOWN
@@ -72,12 +78,23 @@ class CameraModel:
             space = np.column_stack((points, np.ones(len(points))))
             pixels, _ = cv2.projectPoints(space, np.zeros(3), np.zeros(3), self.matrix, self.distortion)
             return np.asarray(pixels, np.float64).reshape(-1, 2)
-        x, y = points[:, 0], points[:, 1]
-        k = np.zeros(12)
-        k[: min(12, self.distortion.size)] = self.distortion[:12]
-        r2 = x * x + y * y
-        radial = (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))) / (1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])))
-        xd = x * radial + 2 * k[2] * x * y + k[3] * (r2 + 2 * x * x) + r2 * (k[8] + r2 * k[9])
-        yd = y * radial + k[2] * (r2 + 2 * y * y) + 2 * k[3] * x * y + r2 * (k[10] + r2 * k[11])
-        m = self.matrix
-        return np.stack((m[0, 0] * xd + m[0, 1] * yd + m[0, 2], m[1, 1] * yd + m[1, 2]), axis=1)
+        x, y = points.T
+        xd, yd = x, y
+        if self._distorted:
+            k = self._coefficients
+            r2 = x * x + y * y
+            radial = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))
+            if self._rational:
+                radial = radial / (1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])))
+            xy2 = 2 * x * y
+            xd = x * radial + k[2] * xy2 + k[3] * (r2 + 2 * x * x)
+            yd = y * radial + k[2] * (r2 + 2 * y * y) + k[3] * xy2
+            if self._prismatic:
+                xd, yd = xd + r2 * (k[8] + r2 * k[9]), yd + r2 * (k[10] + r2 * k[11])
+        out = np.empty((len(points), 2))
+        np.multiply(xd, self.matrix[0, 0], out=out[:, 0])
+        np.multiply(yd, self.matrix[1, 1], out=out[:, 1])
+        if self.matrix[0, 1]:
+            out[:, 0] += self.matrix[0, 1] * yd
+        out += self.matrix[:2, 2]
+        return out

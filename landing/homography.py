@@ -1,5 +1,7 @@
 """Homographies of normalised image points: by least squares, robustly, and as a map to warp an image by."""
 
+import math
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +87,9 @@ def stretch(h: Array) -> float:
     """How much the homography changes small patterns about the axis: largest change over their size."""
     centre = h[:2, 2] / h[2, 2]
     affine = (h[:2, :2] - np.outer(centre, h[2, :2])) / h[2, 2]
-    return float(np.linalg.norm(affine - np.eye(2), 2))
+    (a, b), (c, d) = (affine - np.eye(2)).tolist()
+    # the larger singular value of a (2, 2) matrix
+    return (math.hypot(a + d, c - b) + math.hypot(a - d, c + b)) / 2
 
 
 class Warp:

@@ -25,24 +25,27 @@ def displacement(
     the results are (g, 6) and (g, 6, 6). ``weight`` (n,) leaves out what a robust fit refused. None with fewer
     than six tracks or a singular pattern.
     """
-    n = len(new)
-    if int(np.count_nonzero(weight)) < 6:
+    if np.count_nonzero(weight) < 6:
         return None
-    w = np.sqrt(weight)
-    c11, c12, c22 = whitener * w
+    c11, c12, c22 = whitener * np.sqrt(weight)
     d = normal[2] + new @ normal[:2]
-    g = len(derotated_old)
+    g, n = derotated_old.shape[:2]
     x, y = derotated_old[..., 0], derotated_old[..., 1]
-    u, v = x - new[:, 0], y - new[:, 1]
     unknowns = 3 if rotation_std is None else 6
-    rows = np.zeros((g, unknowns + 1, 2 * n))
-    rows[:, 0, :n], rows[:, 1, :n], rows[:, 1, n:] = -d * c11, -d * c12, -d * c22
-    rows[:, 2, :n], rows[:, 2, n:] = d * (c11 * x + c12 * y), d * c22 * y
+    # rows of the whitened equations, u before v: unknowns, then what is observed
+    rows = np.empty((g, unknowns + 1, 2, n))
+    rows[:, 0, 0], rows[:, 0, 1] = -d * c11, 0.0
+    rows[:, 1, 0], rows[:, 1, 1] = -d * c12, -d * c22
+    whitened(x, y, c11, c12, c22, rows[:, 2])
     if rotation_std is not None:
         for k, (ru, rv) in enumerate(rotation_flow(x, y)):
-            rows[:, 3 + k, :n], rows[:, 3 + k, n:] = c11 * ru + c12 * rv, c22 * rv
-    rows[:, -1, :n], rows[:, -1, n:] = c11 * u + c12 * v, c22 * v
-    product = rows @ rows.transpose(0, 2, 1)
+            whitened(ru, rv, c11, c12, c22, rows[:, 3 + k])
+    observed = rows[:, -1]
+    whitened(new[:, 0], new[:, 1], c11, c12, c22, observed)
+    np.subtract(rows[:, 2], observed, out=observed)
+    rows[:, 2] *= d
+    flat = rows.reshape(g, unknowns + 1, 2 * n)
+    product = flat @ flat.transpose(0, 2, 1)
     matrix = product[:, :unknowns, :unknowns]
     if rotation_std is not None:
         matrix[:, (3, 4, 5), (3, 4, 5)] += rotation_std**-2.0
@@ -51,6 +54,13 @@ def displacement(
     except np.linalg.LinAlgError:
         return None
     return (inverse @ product[:, :unknowns, unknowns:])[..., 0], inverse
+
+
+def whitened(u: Array, v: Array, c11: Array, c12: Array, c22: Array, out: Array) -> None:
+    """C (u, v) of displacements (g, n) or (n,) into ``out`` (g, 2, n); C triangular, as in ``TrackPair``."""
+    np.multiply(c11, u, out=out[:, 0])
+    out[:, 0] += c12 * v
+    np.multiply(c22, v, out=out[:, 1])
 
 
 def rotation_flow(x: Array, y: Array) -> tuple[tuple[Array, Array], ...]:

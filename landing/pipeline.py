@@ -69,7 +69,7 @@ class SurfacePipeline:
             )
         prediction = self._prediction(observation)
         self.views.step(observation, prediction)
-        self.relief.move(prediction)
+        self.relief.memory.move(prediction)
         self._last_s = observation.time_s
         plane = self.estimator.step(self.views)
         self._motion = None

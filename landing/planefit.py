@@ -85,7 +85,7 @@ def fit_plane(
     start_d: Array | None = None,
     cut: float = 5.0,
     iterations: int = 15,
-    tolerance: float = 2e-2,
+    tolerance: float = 0.3,
 ) -> PlaneFit | None:
     """Fit the plane to tracks ``new`` and ``old`` (n, 2), normalised coordinates of two frames.
 

@@ -17,6 +17,7 @@ from landing.camera import CameraModel
 from landing.motion import displacement, rotation_flow
 from landing.options import EstimatorOptions
 from landing.plane import Plane
+from landing.relief_memory import Cells, ReliefMemory
 from landing.tracking import TrackPair
 from landing.views import Views
 
@@ -44,37 +45,18 @@ class Relief:
 class ReliefMap:
     """Heights of the tracked points over the plane, and the roughness of the whole view.
 
-    The view is divided into cells that count alike, however many tracks they hold. Points that stood out are
-    remembered and move with the ground until they leave the view or the ground there is measured as even: what is
-    no longer tracked, near the border or behind a step, still counts.
+    The cells of the view count alike. What stood out and is no longer tracked, near the border or behind a step, still
+    counts: ``memory`` carries it along.
     """
 
     def __init__(
         self, options: EstimatorOptions, camera: CameraModel, capacity: int, border_px: float
     ) -> None:
-        self.options, self.camera, self._border_px = options, camera, border_px
-        self._points = np.empty((0, 2))
-        self._heights = np.empty(0)
+        self.options = options
+        self._cells = Cells(camera, options.relief_cells)
+        self.memory = ReliefMemory(options, camera, self._cells, border_px)
         self._streak = np.zeros(capacity, np.int64)
         self._born = np.full(capacity, -1, np.int64)
-        self._cell_px = math.sqrt(camera.width * camera.height / options.relief_cells)
-        self._columns = math.ceil(camera.width / self._cell_px)
-        self._cells = self._columns * math.ceil(camera.height / self._cell_px)
-
-    def move(self, new_from_previous: Array | None) -> None:
-        """Carry the remembered points into the next frame (homography of normalised points, None: forget)."""
-        if new_from_previous is None:
-            self._points, self._heights = np.empty((0, 2)), np.empty(0)
-        if not len(self._points) or new_from_previous is None:
-            return
-        p = self._points @ new_from_previous[:, :2].T + new_from_previous[:, 2]
-        ahead = p[:, 2] > 0.1
-        self._points, self._heights = p[ahead, :2] / p[ahead, 2:], self._heights[ahead]
-        pixel = self.camera.project(self._points)
-        size = (self.camera.width, self.camera.height)
-        margin = self.options.margin_kept * self.camera.width
-        inside = ((pixel >= -margin) & (pixel < np.array(size) + margin)).all(axis=1)
-        self._points, self._heights = self._points[inside], self._heights[inside]
 
     def step(self, views: Views, plane: Plane) -> Relief | None:
         """Relief at the newest frame over ``plane``; None when there is no baseline to see it by."""
@@ -91,15 +73,13 @@ class ReliefMap:
         twice = np.isfinite(h2)
         product = np.where(twice, h * h2, h**2 - s**2)
         variance = np.where(twice, s * s2, s**2)
-        cell = self._cell(tracker.pixels[slots])
+        cell = self._cells.of(tracker.pixels[slots])
         self._remember(views, slots, h, s, h2, s2, cell)
-        remembered_px = self.camera.project(self._points)
-        lost = self._cell(remembered_px)
-        # where something is measured now, that counts; no track reaches into the border
-        gone = ~self._marked(cell)[lost] | self._in_border(remembered_px)
-        cell = np.concatenate((cell, lost[gone]))
-        product = np.concatenate((product, self._heights[gone] ** 2))
-        variance = np.concatenate((variance, np.full(int(gone.sum()), float(variance.min()))))
+        # where something is measured now, that counts
+        lost, lost_height = self.memory.unseen(self._cells.marked(cell))
+        cell = np.concatenate((cell, lost))
+        product = np.concatenate((product, lost_height**2))
+        variance = np.concatenate((variance, np.full(len(lost), float(variance.min()))))
         share = 1.0 / np.bincount(cell)[cell]
         # tracks good enough to tell what matters count alike, the others by their uncertainty
         weight = share / (variance + o.relief_scale**2) ** 2
@@ -122,7 +102,7 @@ class ReliefMap:
         capacity = len(tracker.alive)
         weight = np.ones(capacity)
         weight[plane.slots] = plane.weight
-        height, std, older, older_std = (np.full(capacity, math.nan) for _ in range(4))
+        height, std = np.full(capacity, math.nan), np.full(capacity, math.nan)
         wrong = np.zeros(capacity, bool)
         half = max(1, plane.gap // 2)
         gaps = self._gaps(views, half)
@@ -142,27 +122,34 @@ class ReliefMap:
         if found is not None:
             height[slots], std[slots] = found[0], found[1]
             wrong[slots] = found[2]
+        older, older_std, older_wrong = self._older(views, plane.normal, weight, half)
+        wrong |= older_wrong
+        height[wrong] = math.nan
+        return height, std, older, older_std, int(np.count_nonzero(wrong))
+
+    def _older(
+        self, views: Views, normal: Array, weight: Array, half: int
+    ) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Heights, their standard deviations and gross errors of all slots from the half baseline before the newest."""
+        capacity = len(views.tracker.alive)
+        height, std = np.full(capacity, math.nan), np.full(capacity, math.nan)
+        wrong = np.zeros(capacity, bool)
         if 2 * half <= views.longest:
             baseline = views.baseline(half, half)
-            # the same plane, in the axes of the frame where the baseline begins
-            normal = turned(plane.normal, views.rotation(half))
-            n = len(baseline.tracks.slots)
-            first, all_of_them = np.zeros(n, np.intp), np.ones(n, bool)
+            slots = baseline.tracks.slots
             found = self._over(
                 baseline.tracks,
                 baseline.derotated_old[None],
-                first,
-                all_of_them,
-                normal,
+                np.zeros(len(slots), np.intp),
+                np.ones(len(slots), bool),
+                # the same plane, in the axes of the frame where the baseline begins
+                turned(normal, views.rotation(half)),
                 weight,
                 baseline.rotation_std_rad,
             )
             if found is not None:
-                slots = baseline.tracks.slots
-                older[slots], older_std[slots] = found[0], found[1]
-                wrong[slots] |= found[2]
-        height[wrong] = math.nan
-        return height, std, older, older_std, int(wrong.sum())
+                height[slots], std[slots], wrong[slots] = found
+        return height, std, wrong
 
     def _gaps(self, views: Views, half: int) -> NDArray[np.intp]:
         """Half the plane's baseline, then the ages of the larger groups of younger tracks, falling."""
@@ -209,22 +196,6 @@ class ReliefMap:
         self._born = born.copy()
         return int((self._streak >= o.standing_frames).sum())
 
-    def _cell(self, pixel: NDArray[np.floating]) -> NDArray[np.int64]:
-        last = (self.camera.width - 1, self.camera.height - 1)
-        place = (np.clip(pixel, 0, last) // self._cell_px).astype(np.int64)
-        return place[:, 1] * self._columns + place[:, 0]
-
-    def _in_border(self, pixel: NDArray[np.floating]) -> NDArray[np.bool_]:
-        """Which pixels (n, 2) lie where no track can be, as its window would reach beyond the image."""
-        limit = np.array((self.camera.width, self.camera.height)) - self._border_px
-        return np.asarray(((pixel < self._border_px) | (pixel > limit)).any(axis=1))
-
-    def _marked(self, cell: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Which of all cells occur in ``cell`` (n,)."""
-        marks = np.zeros(self._cells, bool)
-        marks[cell] = True
-        return marks
-
     def _remember(
         self,
         views: Views,
@@ -239,17 +210,10 @@ class ReliefMap:
         o = self.options
         stands = (np.abs(h) > o.standing_sigmas * s) & (np.abs(h) > o.relief_scale)
         sure = stands & (np.abs(h2) > o.standing_sigmas * s2) & (np.sign(h2) == np.sign(h))
-        if len(self._points):
-            even = self._marked(cell[~stands & (s < o.relief_scale)]) & ~self._marked(cell[stands])
-            replaced = even | self._marked(cell[sure])
-            pixel = self.camera.project(self._points)
-            keep = ~replaced[self._cell(pixel)] | self._in_border(pixel)
-            self._points, self._heights = self._points[keep], self._heights[keep]
-        if sure.any():
-            tracker = views.tracker
-            now = tracker.history[tracker.frame % tracker.HISTORY, slots[sure]]
-            self._points = np.concatenate((self._points, now))[-o.remembered :]
-            self._heights = np.concatenate((self._heights, h[sure]))[-o.remembered :]
+        cells, tracker = self._cells, views.tracker
+        even = cells.marked(cell[~stands & (s < o.relief_scale)]) & ~cells.marked(cell[stands])
+        points = tracker.history[tracker.frame % tracker.HISTORY, slots]
+        self.memory.update(points, tracker.pixels[slots], h, sure, even)
 
 
 def turned(normal: Array, old_from_new: Array | None) -> Array:
@@ -273,8 +237,10 @@ def heights(
     # (x' - x) = d (1 + e) (x' tz - tx): linear in the height e as well
     u = depth * (old[:, 0] * t[:, 2] - t[:, 0])
     v = depth * (old[:, 1] * t[:, 2] - t[:, 1])
-    turn = np.einsum("ijn,ni->jn", np.array(rotation_flow(old[:, 0], old[:, 1])), motion[:, 3:])
-    ru, rv = old[:, 0] - new[:, 0] - u - turn[0], old[:, 1] - new[:, 1] - v - turn[1]
+    ru, rv = old[:, 0] - new[:, 0] - u, old[:, 1] - new[:, 1] - v
+    for (du, dv), angle in zip(rotation_flow(old[:, 0], old[:, 1]), motion[:, 3:].T, strict=True):
+        ru -= du * angle
+        rv -= dv * angle
     c11, c12, c22 = whitener
     gu, gv = c11 * u + c12 * v, c22 * v
     ru, rv = c11 * ru + c12 * rv, c22 * rv

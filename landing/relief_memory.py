@@ -1,0 +1,98 @@
+"""Points that stood out of the surface, remembered while the ground about them is out of the tracks' sight."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from landing.camera import CameraModel
+from landing.homography import apply
+from landing.options import EstimatorOptions
+
+Array = NDArray[np.float64]
+Marks = NDArray[np.bool_]
+
+_AHEAD = 0.1
+"""A point whose depth shrank below this share of its last one is beside or behind the camera."""
+
+
+class Cells:
+    """The view divided into square cells that count alike, however many tracks they hold."""
+
+    def __init__(self, camera: CameraModel, count: int) -> None:
+        self._last = (camera.width - 1, camera.height - 1)
+        self._side_px = math.sqrt(camera.width * camera.height / count)
+        self._columns = math.ceil(camera.width / self._side_px)
+        self._count = self._columns * math.ceil(camera.height / self._side_px)
+
+    def of(self, pixel: NDArray[np.floating]) -> NDArray[np.int64]:
+        """The cell (n,) of each pixel (n, 2)."""
+        place = (np.clip(pixel, 0, self._last) // self._side_px).astype(np.int64)
+        return place[:, 1] * self._columns + place[:, 0]
+
+    def marked(self, cell: NDArray[np.int64]) -> Marks:
+        """Which of all cells occur in ``cell`` (n,)."""
+        marks = np.zeros(self._count, bool)
+        marks[cell] = True
+        return marks
+
+
+class ReliefMemory:
+    """Points that stood out move with the ground until they leave the view or the ground there is measured as even.
+
+    ``border_px``: no track can lie nearer to the image's border; what is there is known from before alone.
+    """
+
+    def __init__(
+        self, options: EstimatorOptions, camera: CameraModel, cells: Cells, border_px: float
+    ) -> None:
+        self.options, self.camera, self.cells = options, camera, cells
+        self._near, self._far = border_px, np.array((camera.width, camera.height)) - border_px
+        self.forget()
+
+    def forget(self) -> None:
+        """Start anew."""
+        self._points, self._pixels, self.heights = np.empty((0, 2)), np.empty((0, 2)), np.empty(0)
+
+    def move(self, new_from_previous: Array | None) -> None:
+        """Carry the points into the next frame (homography of normalised points, None: forget)."""
+        if new_from_previous is None:
+            self.forget()
+        if not len(self._points) or new_from_previous is None:
+            return
+        self._keep(self._points @ new_from_previous[2, :2] + new_from_previous[2, 2] > _AHEAD)
+        self._points = apply(new_from_previous, self._points)
+        pixel = self._pixels = self.camera.project(self._points)
+        margin = self.options.margin_kept * self.camera.width
+        beyond = np.array((self.camera.width, self.camera.height)) + margin
+        self._keep(_all(np.logical_and(pixel >= -margin, pixel < beyond)))
+
+    def update(
+        self, points: Array, pixels: NDArray[np.floating], heights: Array, sure: Marks, even: Marks
+    ) -> None:
+        """Take in what the tracks (n,) show now: ``sure`` (n,) stand out, the cells ``even`` hold nothing that does."""
+        if len(self._points):
+            replaced = even | self.cells.marked(self.cells.of(pixels[sure]))
+            self._keep(np.logical_or(~replaced[self.cells.of(self._pixels)], self._in_border()))
+        if sure.any():
+            most = self.options.remembered
+            self._points = np.concatenate((self._points, points[sure]))[-most:]
+            self._pixels = np.concatenate((self._pixels, pixels[sure]))[-most:]
+            self.heights = np.concatenate((self.heights, heights[sure]))[-most:]
+
+    def unseen(self, seen: Marks) -> tuple[NDArray[np.int64], Array]:
+        """Cells (m,) and heights (m,) of the points where nothing is measured: not in ``seen``, or in the border."""
+        cell = self.cells.of(self._pixels)
+        gone = np.logical_or(~seen[cell], self._in_border())
+        return cell[gone], self.heights[gone]
+
+    def _in_border(self) -> Marks:
+        return ~_all(np.logical_and(self._pixels >= self._near, self._pixels <= self._far))
+
+    def _keep(self, keep: Marks) -> None:
+        self._points, self._pixels, self.heights = self._points[keep], self._pixels[keep], self.heights[keep]
+
+
+def _all(both: Marks) -> Marks:
+    """Whether both columns of (n, 2) are true."""
+    return np.logical_and(both[:, 0], both[:, 1])
