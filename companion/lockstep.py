@@ -66,7 +66,7 @@ def fly(
     """Fly a scenario to its end; what happened."""
     cv2.setNumThreads(1)
     with TemporaryDirectory() as directory:
-        scene = Scene(scenario)
+        scene = Scene(scenario, threads=False)
         settings = flight_settings(scenario, scene, Path(directory), config, overrides)
         return _Flight(scenario, scene, settings, options or LockstepOptions()).run(progress)
 

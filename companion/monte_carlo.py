@@ -18,7 +18,7 @@ from companion.lockstep import LockstepOptions, fly
 from companion.random_scenario import random_scenario
 from companion.scenario import Scenario, to_toml
 
-TRUTH_EVERY = 3
+TRUTH_EVERY = 5
 OPPORTUNITY_S = 2.5
 """Plainly fit ground below, seen from low enough for this long without a break, everything in order, and no request:
 missed."""

@@ -23,7 +23,8 @@ TEXTURE_SIZE = 512
 class Scene:
     """All of a scenario's hardware but the autopilot's link. Times are simulated seconds, from 0."""
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, *, threads: bool = True) -> None:
+        """``threads`` False: pictures and truth are never asked for at the same time."""
         self.scenario = scenario
         self.world: World = scenario.world()
         w = scenario.wind
@@ -46,10 +47,12 @@ class Scene:
             self.world, self.lens, texture_seed=scenario.basics.texture_seed, texture_size=TEXTURE_SIZE
         )
         self.camera = SimulatedCamera(renderer, _sensor(scenario), seed=scenario.basics.seed)
-        # A renderer is not safe for threads: the truth may be asked for while a picture is being made.
-        judge = Renderer(
-            self.world, self.lens, texture_seed=scenario.basics.texture_seed, texture_size=TEXTURE_SIZE
-        )
+        judge = renderer
+        if threads:
+            # A renderer is not safe for threads: the truth may be asked for while a picture is being made.
+            judge = Renderer(
+                self.world, self.lens, texture_seed=scenario.basics.texture_seed, texture_size=TEXTURE_SIZE
+            )
         self._judge = SimulatedCamera(judge, _sensor(scenario), seed=scenario.basics.seed)
         self.poses = PoseHistory()
         self.poses.add(self.vehicle)
