@@ -31,6 +31,9 @@ class TrackingOptions:
     warp_from_px: Annotated[
         float, Limits(0, 10, "px", "deformation at a patch's edge from which the reference is warped")
     ] = 0.3
+    level_px: Annotated[
+        int, Limits(0, 500, "px", "side of the area whose mean is taken out before tracking, 0: none")
+    ] = 31
     blur_px: Annotated[float, Limits(0, 3, "px", "sigma of a blur before tracking")] = 0.0
     contrast: Annotated[
         float, Limits(5, 120, "", "standard deviation of grey that images are stretched to")
@@ -86,7 +89,7 @@ class EstimatorOptions:
         float, Limits(0.1, 30, "deg", "uncertainty above which the slope is unknown")
     ] = 1.0
     motion_span_s: Annotated[float, Limits(0.02, 2, "s", "interval that the newest motion is taken from")] = (
-        0.2
+        0.25
     )
     acceleration_std: Annotated[float, Limits(0.01, 100, "1/s^2", "usual acceleration over height")] = 2.0
     memory_s: Annotated[float, Limits(0, 30, "s", "how far back estimates are fused")] = 2.0

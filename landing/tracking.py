@@ -111,12 +111,16 @@ class FeatureTracker:
         return float(self._occupied().sum()) / (self._rows * self._cols)
 
     def _prepared(self, image: Image) -> Image:
-        """The image stretched to a fixed contrast about its mean, then blurred.
+        """The image with its local mean taken out, stretched to a fixed contrast, then blurred.
 
-        Lucas-Kanade takes brightness as constant: the stretch follows exposure changes. It also keeps faint
-        texture above the steps of eight bits.
+        Lucas-Kanade takes brightness as constant. Vignetting and shading stay with the camera while the texture
+        moves: a bias that grows with the way. The stretch follows exposure changes and keeps faint texture above
+        the steps of eight bits.
         """
         o = self.options
+        if o.level_px > 0:
+            side = 2 * (o.level_px // 2) + 1
+            image = cv2.addWeighted(image, 1.0, cv2.blur(image, (side, side)), -1.0, 128.0)
         mean, spread = cv2.meanStdDev(image)
         gain = min(o.contrast / max(float(spread[0, 0]), 1e-3), o.max_gain)
         if gain != 1:
