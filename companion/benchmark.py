@@ -33,6 +33,7 @@ from landing.observation import Observation
 from landing.options import Options
 from landing.pipeline import SurfacePipeline
 from landing.quadratic import QuadraticEstimator
+from landing.relief_memory import ReliefMemory
 from landing.roughness import ReliefMap
 from landing.tracking import FeatureTracker
 
@@ -51,7 +52,7 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "fit": ((MapEstimator, "_fit"), (QuadraticEstimator, "step")),
     "motion": ((landing.map_estimator, "velocity"),),
     "evidence": ((Evidence, "add"), (Evidence, "fuse")),
-    "relief": ((ReliefMap, "move"), (ReliefMap, "step")),
+    "relief": ((ReliefMemory, "move"), (ReliefMap, "step")),
     "decision": ((landing.pipeline, "against_flat"),),
 }
 """Stage -> where it is called: (class or module, name)."""

@@ -172,16 +172,21 @@ class SurfacePipeline:
         return height(velocity, observation.velocity_std, plane.omega, plane.omega_std, limit)
 
     def _track_view(self, plane: Plane, relief_: Relief | None) -> TrackView:
-        tracker = self.views.tracker
-        slots = plane.slots if len(plane.slots) else np.flatnonzero(tracker.alive)
-        inlier = plane.inlier if len(plane.slots) else np.zeros(len(slots), bool)
+        tracker, limit = self.views.tracker, self.options.estimator.standing_height
+        everywhere = np.full(len(tracker.alive), math.nan)
+        if relief_ is not None:
+            everywhere[relief_.slots] = relief_.height
+        inliers = np.zeros(len(tracker.alive), bool)
+        inliers[plane.slots] = plane.inlier
+        # tracks too young for the plane's baseline show their height over a shorter one
+        younger = np.isfinite(everywhere)
+        younger[plane.slots] = False
+        inliers |= younger & (np.abs(everywhere) <= limit)
+        slots = np.concatenate((plane.slots, np.flatnonzero(younger)))
+        if not len(slots):
+            slots = np.flatnonzero(tracker.alive)
         gap = min(plane.gap or 1, tracker.longest())
         now = tracker.pixels[slots].astype(np.float64)
         before = tracker.pixel_history[(tracker.frame - gap) % tracker.HISTORY, slots].astype(np.float64)
-        before = np.where(np.isfinite(before), before, now)
-        height = np.full(len(slots), math.nan)
-        if relief_ is not None:
-            everywhere = np.full(len(tracker.alive), math.nan)
-            everywhere[relief_.slots] = relief_.height
-            height = everywhere[slots]
-        return TrackView(before, now, inlier, height)
+        there = np.isfinite(before) & (tracker.born[slots] <= tracker.frame - gap)[:, None]
+        return TrackView(np.where(there, before, now), now, inliers[slots], everywhere[slots])
