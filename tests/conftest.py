@@ -2,10 +2,14 @@
 
 import os
 import shutil
+import signal
 from pathlib import Path
 
 import folder_edits
 import pytest
+
+# where the tests run in the background of a shell, SIGINT comes ignored, also for the processes they start
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")
