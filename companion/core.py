@@ -39,7 +39,15 @@ def observation_of(ready: ReadyFrame) -> Observation:
     if not isinstance(attitude, BodyAttitude):
         return Observation(frame.number, time_s, frame.image)
     rotation, std = attitude.ned_from_body, attitude.rotation_std
-    return Observation(frame.number, time_s, frame.image, rotation, std, ready.velocity_ned)
+    return Observation(
+        frame.number,
+        time_s,
+        frame.image,
+        rotation,
+        std,
+        ready.velocity_ned,
+        velocity_age_s=ready.velocity_age_s,
+    )
 
 
 class Core:

@@ -53,7 +53,12 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     height_std_m: Annotated[float | None, about("standard deviation of height_m", "m")]
     features: Annotated[int, about("tracks used")]
     inlier_fraction: Annotated[float | None, about("share of the tracks that move as the plane says")]
-    fit_error_px: Annotated[float | None, about("RMS residual of the inliers", "px")]
+    fit_error_px: Annotated[
+        float | None,
+        about(
+            "distance of the tracks from the fit: RMS of the inliers (`map`), mean of all (`quadratic`)", "px"
+        ),
+    ]
     flat: Annotated[bool, about("this frame's surface is flat and level enough")]
     against_flat: Annotated[tuple[str, ...], about("what stands against flat, in words")]
     calibrated: Annotated[bool, about("whether the camera is calibrated")]

@@ -26,6 +26,7 @@ class ReadyFrame:
 
     ``exposure_us``: mid-exposure on the companion's clock as stamped; ``time_us`` rises from frame to frame;
     ``boot_us``: mid-exposure in boot time, None without a relation. ``attitude`` is the reason where there is none.
+    ``velocity_age_s``: from the nearest velocity message to the exposure.
     """
 
     frame: Frame
@@ -34,6 +35,7 @@ class ReadyFrame:
     boot_us: int | None
     attitude: BodyAttitude | str
     velocity_ned: NDArray[np.float64] | None
+    velocity_age_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,34 +203,39 @@ class Synchroniser:
     def _leave(self, waiting: _Waiting, reason: str) -> ReadyFrame:
         attitude: BodyAttitude | str = "no_telemetry"
         boot_us = velocity = None
+        age_s = 0.0
         if self._telemetry:
             attitude = "no_attitude" if self._attitudes.newest_us is None else "clock_unsettled"
             if self.clock.settled:
                 boot_us = self._boot_us(waiting)
                 attitude = self._attitudes.at(boot_us, self.clock.std_s)
-                velocity = self._velocity_at(boot_us)
+                velocity, age_s = self._velocity_at(boot_us)
             if attitude == "attitude_not_yet":
                 attitude = reason
-        return ReadyFrame(waiting.frame, waiting.exposure_us, waiting.time_us, boot_us, attitude, velocity)
+        return ReadyFrame(
+            waiting.frame, waiting.exposure_us, waiting.time_us, boot_us, attitude, velocity, age_s
+        )
 
-    def _velocity_at(self, boot_us: int) -> NDArray[np.float64] | None:
-        """Velocity (3,) NED: interpolated, or the nearest one that is young enough, or None."""
-        max_age_us = self._s.velocity_max_age_s * 1e6
-        later: tuple[int, tuple[float, float, float]] | None = None
-        for at_us, velocity in reversed(self._velocities):
-            if at_us > boot_us:
-                later = (at_us, velocity)
-                continue
-            young = boot_us - at_us <= max_age_us
-            if later is not None and later[0] - at_us <= max_age_us:
-                share = (boot_us - at_us) / (later[0] - at_us)
-                return (1 - share) * np.array(velocity) + share * np.array(later[1])
-            if young:
-                return np.array(velocity)
-            break
-        if later is not None and later[0] - boot_us <= max_age_us:
-            return np.array(later[1])
-        return None
+    def _velocity_at(self, boot_us: int) -> tuple[NDArray[np.float64] | None, float]:
+        """Velocity (3,) NED at an exposure, or None, and how far in s from the exposure it was told.
+
+        Between two messages it is interpolated; just behind the last one it goes on as it changed before.
+        """
+        max_age_us = round(self._s.velocity_max_age_s * 1e6)
+        told = self._velocities
+        k = next((k for k in range(len(told) - 1, -1, -1) if told[k][0] <= boot_us), -1)
+        near = [told[i] for i in (k, k + 1) if 0 <= i < len(told) and abs(told[i][0] - boot_us) <= max_age_us]
+        if not near:
+            return None, 0.0
+        age_s = min(abs(at_us - boot_us) for at_us, _ in near) * 1e-6
+        first = k if k + 1 < len(told) else k - 1
+        if first >= 0:
+            (from_us, before), (to_us, after) = told[first], told[first + 1]
+            interval_us = to_us - from_us
+            if interval_us <= max_age_us and boot_us - to_us <= interval_us:
+                share = (boot_us - from_us) / interval_us
+                return (1 - share) * np.array(before) + share * np.array(after), age_s
+        return np.array(near[0][1]), age_s
 
 
 _INPUT = {Attitude: "attitude", AngularRate: "gyro", Velocity: "velocity"}

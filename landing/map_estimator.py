@@ -6,10 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from landing.evidence import Evidence, EvidenceOptions, slope_std
-from landing.motion import displacement, velocity
+from landing.motion import displacement
 from landing.options import EstimatorOptions
 from landing.plane import Plane
 from landing.planefit import FitPrior, PlaneFit, fit_plane
+from landing.velocity import velocity
 from landing.views import Baseline, Views
 
 Array = NDArray[np.float64]
@@ -75,12 +76,9 @@ class MapEstimator:
     def _choose(self, views: Views) -> tuple[int, float]:
         """The gap of most information, about tracks times flow squared, within the limits; and its RMS flow."""
         o = self.options
-        gaps, count, flow = views.profile(_SAMPLE)
+        gaps, count, flow = views.profile(o.min_tracks, o.map_keep_tracks, _SAMPLE)
         flow_px = flow * self.focal_px
-        good = (count >= max(o.min_tracks, o.map_keep_tracks * float(count[0]))) & (
-            flow_px <= o.map_max_flow_px
-        )
-        information = np.where(good, count * flow_px**2, -1.0)
+        information = np.where(flow_px <= o.map_max_flow_px, count * flow_px**2, -1.0)
         best = int(information.argmax())
         return int(gaps[best]), float(flow_px[best])
 
@@ -144,15 +142,7 @@ class MapEstimator:
             self._noise = fit.noise
             self._d = fit.d
         self._normal = normal
-        moving = velocity(
-            views,
-            normal,
-            self._weight,
-            self._noise,
-            o.motion_span_s,
-            baseline.rotation_std_rad,
-            o.acceleration_std,
-        )
+        moving = velocity(views, normal, self._weight, self._noise, baseline.rotation_std_rad, o)
         omega, omega_std = moving if moving is not None else (np.full(3, math.nan), np.full(3, math.nan))
         divergence = float(2 * omega[2] + omega[0] * a + omega[1] * b)
         status = (
@@ -182,5 +172,5 @@ class MapEstimator:
             fit.residual,
             fit.noise,
             float(inlier.mean()),
-            float(np.hypot(*fit.residual.T).mean()),
+            math.sqrt(float((fit.residual[inlier] ** 2).sum(axis=1).mean())),
         )

@@ -1,9 +1,7 @@
-"""Motion over a known plane: displacement by linear least squares, and the velocity at the newest frame."""
+"""Displacement over a known plane between two frames, by linear least squares."""
 
 import numpy as np
 from numpy.typing import NDArray
-
-from landing.views import Views
 
 Array = NDArray[np.float64]
 
@@ -67,43 +65,3 @@ def rotation_flow(x: Array, y: Array) -> tuple[tuple[Array, Array], ...]:
     """Displacement of points (x, y) by small rotations about the camera's x, y and z axes, per radian."""
     xy = x * y
     return (-xy, -1 - y * y), (1 + x * x, xy), (-y, x)
-
-
-def velocity(
-    views: Views,
-    normal: Array,
-    weight: Array,
-    noise: float,
-    span_s: float,
-    rotation_std: float,
-    acceleration_std: float,
-) -> tuple[Array, Array] | None:
-    """omega = V / h (3,) at the newest frame and its standard deviation (3,), 1/s.
-
-    ``weight`` holds one weight for every slot of the tracker, ``noise`` the whitened noise. Displacements over a
-    few short gaps within ``span_s`` are fitted by t(T) = -omega T + A T^2 / 2, so that the result holds at the
-    newest frame and not in the middle of a gap; A has the prior ``acceleration_std`` (1/s^2).
-    """
-    if views.longest < 1:
-        return None
-    newest_s = views.newest.time_s
-    reach = 1
-    while reach < views.longest and newest_s - views.view(reach + 1).time_s <= span_s:
-        reach += 1
-    gaps = np.unique(np.maximum(1, np.rint(np.array((1, 2, 3)) * reach / 3).astype(int)))
-    tracks, derotated = views.stack(gaps)
-    found = displacement(tracks.new, derotated, normal, tracks.whitener, weight[tracks.slots])
-    if found is None:
-        return None
-    tau = np.array([newest_s - views.view(int(gap)).time_s for gap in gaps])
-    # an error of the rotation about x or y looks like a displacement across; along the axis it hardly tells
-    variance = (
-        np.diagonal(found[1], axis1=1, axis2=2) * noise**2 + np.array((1.0, 1.0, 0.1)) * rotation_std**2
-    )
-    basis = np.stack((-tau, tau**2 / 2))
-    weighted = basis[None] / variance.T[:, None]
-    information = weighted @ basis.T
-    information[:, 1, 1] += acceleration_std**-2
-    covariance = np.linalg.inv(information)
-    omega = (covariance @ (weighted @ found[0].T[..., None]))[:, 0, 0]
-    return omega, np.sqrt(covariance[:, 0, 0])

@@ -19,7 +19,7 @@ class TrackingOptions:
     """Corners and their tracks."""
 
     max_features: Annotated[int, Limits(20, 1000, "", "corners tracked at once")] = 150
-    window_px: Annotated[int, Limits(5, 41, "px", "side of the Lucas-Kanade window")] = 15
+    window_px: Annotated[int, Limits(5, 41, "px", "side of the Lucas-Kanade window")] = 16
     levels: Annotated[
         int, Limits(0, 5, "", "pyramid levels above the image where the motion is predicted")
     ] = 0
@@ -69,7 +69,7 @@ class EstimatorOptions:
     use_attitude: Annotated[bool, "take the vehicle's attitude out of the slopes"] = True
     attitude_std_deg: Annotated[
         float, Limits(0, 10, "deg", "error of the autopilot's roll and pitch, one sigma")
-    ] = 0.2
+    ] = 0.18
     min_tracks: Annotated[int, Limits(12, 500, "", "fewest tracks for an estimate")] = 24
     min_coverage: Annotated[float, Limits(0, 1, "", "smallest share of the image with tracks")] = 0.2
     min_roughness_tracks: Annotated[int, Limits(8, 500, "", "fewest tracks for a roughness")] = 20
@@ -92,6 +92,29 @@ class EstimatorOptions:
         0.25
     )
     acceleration_std: Annotated[float, Limits(0.01, 100, "1/s^2", "usual acceleration over height")] = 2.0
+    guided_span_s: Annotated[
+        float, Limits(0.02, 2, "s", "the same interval where the vehicle's velocity is known")
+    ] = 0.4
+    guided_acceleration_std: Annotated[
+        float,
+        Limits(0.01, 100, "1/s^2", "what the vehicle's velocity leaves of the acceleration over height"),
+    ] = 0.2
+    max_acceleration: Annotated[
+        float,
+        Limits(0.5, 100, "m/s^2", "change of the vehicle's velocity that counts as a jump of its filter"),
+    ] = 8.0
+    guided_share_std: Annotated[
+        float, Limits(0, 1, "", "relative error of what the vehicle's velocity says of it, one sigma")
+    ] = 0.1
+    guided_velocity_std: Annotated[
+        float, Limits(0, 2, "m/s", "error of the vehicle's velocity there, one sigma")
+    ] = 0.06
+    velocity_agreement: Annotated[
+        float, Limits(1, 1000, "", "chi-square at which the images contradict the vehicle's velocity")
+    ] = 50.0
+    velocity_max_age_s: Annotated[
+        float, Limits(0.01, 2, "s", "oldest velocity at an exposure that its changes are taken from")
+    ] = 0.06
     memory_s: Annotated[float, Limits(0, 30, "s", "how far back estimates are fused")] = 2.0
     drift_std_deg: Annotated[float, Limits(0, 10, "deg", "change of a plane's slope in a second")] = 0.2
     agreement: Annotated[float, Limits(1, 100, "", "chi-square at which two estimates disagree")] = 9.0

@@ -38,7 +38,7 @@ class Plane:
     noise: float = NAN
     inlier_fraction: float = NAN
     fit_error: float = NAN
-    """Mean length of the residuals, normalised units."""
+    """Distance of the tracks from the fit, normalised: RMS of the inliers, or for the quadratic fit mean of all."""
 
     @property
     def normal(self) -> Array:

@@ -19,12 +19,15 @@ _GAPS = np.array((1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24, 29, 35, 42, 50
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """One exposure: its time, ned_from_camera (3, 3) or None, and the trust in rotations measured from it."""
+    """One exposure: its time, ned_from_camera (3, 3) or None, the trust in rotations measured from it, and the
+    vehicle's velocity (3,) m/s NED or None with its age."""
 
     frame: int
     time_s: float
     ned_from_camera: Array | None
     rotation_std_rad: float
+    velocity_ned: Array | None = None
+    velocity_age_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +59,11 @@ class Views:
         self.camera = camera
         self.tracker = FeatureTracker(camera, options)
         self._views: list[View] = []
-        self._attitudes = np.full((FeatureTracker.HISTORY, 3, 3), np.nan)
-        """ned_from_camera of the last frames, in the tracker's ring; NaN where unknown."""
+        slots = len(self.tracker.alive)
+        self._rays = np.full((3, FeatureTracker.HISTORY, slots), np.nan)
+        """The tracks of the frames before the newest, turned into the world's axes; in the tracker's ring."""
+        self._known = np.zeros(FeatureTracker.HISTORY, bool)
+        """Whether the attitude that this takes was known."""
 
     def step(self, observation: Observation, new_from_previous: Array | None) -> None:
         """Take the next exposure; ``new_from_previous`` as in ``FeatureTracker.step``."""
@@ -65,11 +71,16 @@ class Views:
         if observation.ned_from_body is not None:
             ned_from_camera = observation.ned_from_body @ self.camera.body_from_camera
         self.tracker.step(observation.image, new_from_previous)
-        view = View(observation.frame, observation.time_s, ned_from_camera, observation.rotation_std_rad)
-        self._views.append(view)
-        self._attitudes[self.tracker.frame % FeatureTracker.HISTORY] = (
-            np.nan if ned_from_camera is None else ned_from_camera
+        o = observation
+        self.add(
+            View(o.frame, o.time_s, ned_from_camera, o.rotation_std_rad, o.velocity_ned, o.velocity_age_s)
         )
+
+    def add(self, view: View) -> None:
+        """Take an exposure into which the tracker has followed its tracks."""
+        if self._views:
+            self._turn(self._views[-1].ned_from_camera)
+        self._views.append(view)
         if len(self._views) > FeatureTracker.HISTORY:
             del self._views[0]
 
@@ -111,40 +122,78 @@ class Views:
             tracks = TrackPair(longest, slots, new, old, tracker.whitener[:, slots])
         return tracks, self._derotated(gaps, tracks.slots)
 
+    def reach(self, span_s: float) -> int:
+        """The largest gap within ``span_s`` of the newest frame, at least one."""
+        oldest_s, gap = self.newest.time_s - span_s, 1
+        while gap < self.longest and self.view(gap + 1).time_s >= oldest_s:
+            gap += 1
+        return gap
+
+    def detour(
+        self, gaps: NDArray[np.intp], max_age_s: float, max_acceleration: float
+    ) -> tuple[Array, Array] | None:
+        """The vehicle's velocity (3,) m/s at the newest frame, and what its changes did (g, 3) m, in camera axes.
+
+        The latter is where the camera was ``gaps`` (g,) frames ago, less where it would have been at the newest
+        velocity. None unless the velocity is known at every frame since, at most ``max_age_s`` old and never changing
+        by more than ``max_acceleration`` (m/s^2).
+        """
+        views = self._views[-1 - int(gaps.max()) :][::-1]
+        known = [
+            v.velocity_ned for v in views if v.velocity_ned is not None and v.velocity_age_s <= max_age_s
+        ]
+        ned_from_camera = self.newest.ned_from_camera
+        if ned_from_camera is None or len(known) < len(views):
+            return None
+        velocity, time_s = np.array(known), np.array([v.time_s for v in views])
+        interval_s = np.diff(time_s)[:, None]
+        if (np.abs(velocity[1:] - velocity[:-1]) > max_acceleration * -interval_s).any():
+            return None
+        # by the trapezium rule
+        steps = ((velocity[1:] + velocity[:-1]) / 2 - velocity[0]) * interval_s
+        return velocity[0] @ ned_from_camera, steps.cumsum(axis=0)[gaps - 1] @ ned_from_camera
+
     def baseline_std(self, gap: int) -> float:
         """Standard deviation (rad, per axis) of the measured rotation over ``gap`` frames."""
         return float(np.hypot(self.view(gap).rotation_std_rad, self.newest.rotation_std_rad) / np.sqrt(2))
 
-    def _derotated(self, gaps: NDArray[np.intp], slots: NDArray[np.intp]) -> Array:
-        tracker = self.tracker
-        place = (tracker.frame - gaps) % tracker.HISTORY
-        old = tracker.history[place[:, None], slots]
-        newest, attitudes = self.newest.ned_from_camera, self._attitudes[place]
-        if newest is None or np.isnan(attitudes[:, 0, 0]).any():
-            return old
-        turn = attitudes.transpose(0, 2, 1) @ newest
-        q = old @ turn[:, :2]
-        q += turn[:, 2:]
-        return q[..., :2] / q[..., 2:]
+    def _turn(self, turn: Array | None) -> None:
+        """Turn the tracks of the frame before the newest into the world's axes."""
+        place = (self.tracker.frame - 1) % self.tracker.HISTORY
+        self._known[place] = turn is not None
+        if turn is not None:
+            self._rays[:, place] = turn[:, :2] @ self.tracker.history[place].T + turn[:, 2:]
 
-    def profile(self, sample: int) -> tuple[NDArray[np.intp], Array, Array]:
+    def _derotated(self, gaps: NDArray[np.intp], slots: NDArray[np.intp]) -> Array:
+        """Places (g, n, 2) of tracks in the frames ``gaps`` before the newest, as if taken in its attitude."""
+        tracker, newest = self.tracker, self.newest.ned_from_camera
+        place = (tracker.frame - gaps) % tracker.HISTORY
+        if newest is None or not self._known[place].all():
+            return tracker.history[place[:, None], slots]
+        wanted = (place[:, None] * len(tracker.alive) + slots).ravel()
+        q = newest.T @ self._rays.reshape(3, -1).take(wanted, axis=1)
+        q[:2] /= q[2]
+        return q[:2].reshape(2, len(gaps), -1).transpose(1, 2, 0)
+
+    def profile(self, least: float, share: float, sample: int) -> tuple[NDArray[np.intp], Array, Array]:
         """Gaps (g,), how many tracks each has in common with the newest frame, and their RMS flow after derotation.
 
-        The gaps grow by about a fifth; the flow is measured on about ``sample`` tracks, the oldest first.
+        The gaps grow by about a fifth, as far as they keep at least ``least`` tracks and ``share`` of those of gap 1,
+        which is always there; the flow is that of about ``sample`` tracks which reach back over all of them.
         """
-        gaps = _GAPS[self.longest >= _GAPS]
         tracker = self.tracker
         slots = np.flatnonzero(tracker.alive)
-        born = tracker.born[slots]
-        count = (born[:, None] <= tracker.frame - gaps).sum(axis=0).astype(np.float64)
-        slots = slots[np.argsort(born, kind="stable")]
-        reach = max(int(count[-1]), min(sample, len(slots)))
-        slots = slots[:reach][:: max(1, reach // sample)]
-        new = tracker.history[tracker.frame % tracker.HISTORY, slots]
-        square = ((self._derotated(gaps, slots) - new) ** 2).sum(axis=2)
-        known = np.isfinite(square)
-        total = np.where(known, square, 0.0).sum(axis=1)
-        return gaps, count, np.sqrt(total / np.maximum(known.sum(axis=1), 1))
+        age = tracker.frame - tracker.born[slots]
+        gaps = _GAPS[self.longest >= _GAPS]
+        count = len(age) - np.searchsorted(np.sort(age), gaps).astype(np.float64)
+        reach = max(1, int(np.count_nonzero(count >= max(least, share * count[0]))))
+        gaps, count = gaps[:reach], count[:reach]
+        slots = slots[age >= gaps[-1]]
+        slots = slots[:: max(1, len(slots) // sample)]
+        if not len(slots):
+            return gaps, count, np.zeros(reach)
+        moved = self._derotated(gaps, slots) - tracker.history[tracker.frame % tracker.HISTORY, slots]
+        return gaps, count, np.sqrt((moved * moved).sum(axis=(1, 2)) / len(slots))
 
     def baseline(self, gap: int, before: int = 0) -> Baseline:
         """The frame ``before`` frames ago against the one ``gap`` frames older."""

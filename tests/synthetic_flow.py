@@ -191,6 +191,8 @@ class Flight:
         ned_from_body: Array | None = None,
         measured: Array | None = None,
         known: bool = True,
+        velocity_ned: Array | None = None,
+        velocity_age_s: float = 0.0,
     ) -> Views:
         """The next exposure; ``measured`` is what the autopilot says of the attitude, without it the truth."""
         tracker, camera = self.views.tracker, self.camera
@@ -210,7 +212,7 @@ class Flight:
         row[:] = np.nan
         row[tracker.alive] = camera.undistort(pixel[tracker.alive])
         turned = told @ camera.body_from_camera if known else None
-        self.views._views.append(View(tracker.frame, time_s, turned, 1e-5))
+        self.views.add(View(tracker.frame, time_s, turned, 1e-5, velocity_ned, velocity_age_s))
         return self.views
 
 

@@ -147,7 +147,7 @@ def test_a_distant_fine_texture_gives_the_estimators_no_false_flow(method: str) 
     """Stones of 5 cm from 40 m, 4 cm a texel under pixels of 15 cm: aliased, they would move by themselves."""
     s = plane_sequence("gravel", 15, axis="y", motion="x", n=14, distance=40.0, omega=0.01, samples=2)
     estimates = estimate_all(list(s.images), camera_of(s.lens), [np.eye(3)] * 14)[method]
-    for e in estimates[8:]:
+    for e in estimates[6:]:
         assert e.status == "ok"
         assert e.slope_y_deg == pytest.approx(15, abs=1.5)
         assert e.slope_x_deg == pytest.approx(0, abs=1.5)

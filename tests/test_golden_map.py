@@ -13,7 +13,7 @@ COVERAGE = 0.95
 MISSED_SHARE = 0.05
 FALSELY_FLAT_SHARE = 0.04
 """A step at the very border of the view cannot be told before it has moved some pixels."""
-FLOW = (0.0125, 0.042)
+FLOW = (0.01, 0.042)
 CONTACT_MEDIAN = 0.03
 
 

@@ -28,7 +28,7 @@ CASES = [
 def test_never_a_confident_wrong_answer(cut: str, nuisance: str):
     outcome = nuisances.run(cut, nuisance)
     # a single frame is no verdict: the dwell time stands before it
-    assert outcome.unsafe_flat <= 1
+    assert outcome.unsafe_flat == 0
     assert outcome.unsafe > 0 or cut == "agile"
     judged = len(outcome.errors) + len(outcome.silent)
     assert judged >= 20

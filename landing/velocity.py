@@ -1,0 +1,115 @@
+"""The velocity over height at the newest frame, from displacements over a few short gaps.
+
+Over a longer interval noise counts less, but the vehicle accelerates under way. What the autopilot knows of its own
+velocity tells how it changed: slow errors, which spoil the velocity itself, fall out of the difference.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from landing.motion import displacement
+from landing.options import EstimatorOptions
+from landing.views import Views
+
+Array = NDArray[np.float64]
+
+_PARTS = np.array((1, 2, 3)) / 3
+"""The gaps, as parts of the interval."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Moved:
+    """Displacements over height ``t`` (g, 3) to the frames ``tau`` (g,) s before the newest, ``variance`` (g, 3)."""
+
+    tau: Array
+    t: Array
+    variance: Array
+
+
+def velocity(
+    views: Views, normal: Array, weight: Array, noise: float, rotation_std: float, options: EstimatorOptions
+) -> tuple[Array, Array] | None:
+    """omega = V / h (3,) at the newest frame and its standard deviation (3,), 1/s.
+
+    ``weight`` holds one weight for every slot of the tracker, ``noise`` the whitened noise. Displacements are fitted
+    by t(T) = -omega T + A T^2 / 2, so that the result holds at the newest frame and not in the middle of a gap. The
+    vehicle's velocity, where it is known and the images do not contradict it, gives A but for a remainder.
+    """
+    if views.longest < 1:
+        return None
+    o = options
+    guided = _guided(views, normal, weight, noise, rotation_std, o)
+    if guided is not None:
+        return guided
+    moved = _moved(views, _gaps(views, o.motion_span_s), normal, weight, noise, rotation_std)
+    return None if moved is None else _newest(moved, moved.t, o.acceleration_std)[:2]
+
+
+def _guided(
+    views: Views, normal: Array, weight: Array, noise: float, rotation_std: float, options: EstimatorOptions
+) -> tuple[Array, Array] | None:
+    """The velocity with its changes taken from the autopilot; None where it does not know them or is mistaken."""
+    o = options
+    gaps = _gaps(views, o.guided_span_s)
+    change = views.detour(gaps, o.velocity_max_age_s, o.max_acceleration)
+    if change is None:
+        return None
+    moved = _moved(views, gaps, normal, weight, noise, rotation_std)
+    if moved is None:
+        return None
+    vehicle, detour = change
+    speed2 = float(vehicle @ vehicle)
+    omega = _newest(moved, moved.t, o.acceleration_std)[0]
+    per_metre = float(omega @ vehicle) / speed2 if speed2 > 0 else 0.0
+    if per_metre <= 0:
+        return None
+    known = per_metre * detour
+    share_std = math.sqrt(o.guided_share_std**2 + o.guided_velocity_std**2 / speed2)
+    omega, std, chi_square = _newest(moved, moved.t - known, o.guided_acceleration_std, share_std * known)
+    return (omega, std) if chi_square <= o.velocity_agreement else None
+
+
+def _gaps(views: Views, span_s: float) -> NDArray[np.intp]:
+    return np.unique(np.maximum(1, np.rint(_PARTS * views.reach(span_s)).astype(np.intp)))
+
+
+def _moved(
+    views: Views,
+    gaps: NDArray[np.intp],
+    normal: Array,
+    weight: Array,
+    noise: float,
+    rotation_std: float,
+) -> _Moved | None:
+    tracks, derotated = views.stack(gaps)
+    found = displacement(tracks.new, derotated, normal, tracks.whitener, weight[tracks.slots])
+    if found is None:
+        return None
+    tau = np.array([views.newest.time_s - views.view(int(gap)).time_s for gap in gaps])
+    # an error of the rotation about x or y looks like a displacement across; along the axis it hardly tells
+    variance = np.diagonal(found[1], axis1=1, axis2=2) * noise**2
+    return _Moved(tau, found[0], variance + np.array((1.0, 1.0, 0.1)) * rotation_std**2)
+
+
+def _newest(
+    moved: _Moved, t: Array, acceleration_std: float, doubtful: Array | None = None
+) -> tuple[Array, Array, float]:
+    """omega (3,), its standard deviation (3,), and the chi-square of the displacements ``t`` (g, 3).
+
+    ``doubtful`` (g, 3) is a displacement at one standard deviation that each axis may have a share of.
+    """
+    basis = np.zeros((3, 3, len(t)))
+    basis[:, 0], basis[:, 1] = -moved.tau, moved.tau**2 * (acceleration_std / 2)
+    if doubtful is not None:
+        basis[:, 2] = doubtful.T
+    weighted = basis / moved.variance.T[:, None]
+    information = weighted @ basis.transpose(0, 2, 1)
+    information[:, (1, 2), (1, 2)] += 1.0
+    covariance = np.linalg.inv(information)
+    found = covariance @ (weighted @ t.T[..., None])
+    left = t.T - (found.transpose(0, 2, 1) @ basis)[:, 0]
+    chi_square = float((left**2 / moved.variance.T).sum() + (found[:, 1:] ** 2).sum())
+    return found[:, 0, 0], np.sqrt(covariance[:, 0, 0]), chi_square

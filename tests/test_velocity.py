@@ -1,0 +1,101 @@
+"""The velocity over height: of the newest frame, and helped by what the autopilot knows of its own."""
+
+import numpy as np
+import pytest
+import synthetic_flow
+
+from landing.options import EstimatorOptions
+from landing.velocity import velocity
+
+RATE_HZ = 30.0
+LEVEL = np.array((0.0, 0.0, 1.0))
+OPTIONS = EstimatorOptions()
+
+
+def over(views, normal=LEVEL, options=OPTIONS):
+    return velocity(views, normal, np.ones(len(views.tracker.alive)), 1.0, 1e-5, options)
+
+
+def braking(seed: int, told=None, age_s: float = 0.0, harder: float = 1.0):
+    """Views of a camera 1 m above level ground that brakes northwards, at 0.5 m/s at the newest of 13 frames.
+
+    It brakes by 0.5 m/s^2, and until a fifth of a second ago by ``harder`` m/s^2 more. ``told``: the velocity north
+    that the autopilot states, from the true one and the time.
+    """
+    rng = np.random.default_rng(seed)
+    flight = synthetic_flow.Flight(synthetic_flow.ground(rng, 0.0, 0.0, 1.0, 1.6), rng)
+    for k in range(13):
+        t = (k - 12) / RATE_HZ
+        before = min(t + 0.2, 0.0)
+        north = 0.5 * t - 0.25 * t * t - 0.5 * harder * before * before
+        speed = 0.5 - 0.5 * t - harder * before
+        said = None if told is None else np.array((told(speed, t), 0.0, 0.0))
+        flight.step(k / RATE_HZ, np.array((north, 0, 0)), velocity_ned=said, velocity_age_s=age_s)
+    return flight.views
+
+
+@pytest.mark.parametrize("tau_s", [2.0, 0.6])
+def test_the_velocity_is_of_the_newest_frame(tau_s: float):
+    """The motion over the last interval, without its finite length, would give a contact half a frame late."""
+    rng = np.random.default_rng(5)
+    rise_north, rise_east = 0.2, -0.3
+    velocity_ned = np.array((0.3, 0.5, 1.0)) / tau_s
+    flight = synthetic_flow.Flight(synthetic_flow.ground(rng, rise_north, rise_east, 1.0, 1.2), rng, 0.0)
+    for k in range(8):
+        flight.step(k / RATE_HZ, velocity_ned * (k - 7) / RATE_HZ)
+    found = over(flight.views, np.array((rise_east, -rise_north, 1.0)))
+    assert found is not None
+    # 1 m above the ground at the newest frame; camera x is east, y south
+    np.testing.assert_allclose(found[0], (velocity_ned[1], -velocity_ned[0], velocity_ned[2]), atol=2e-5)
+
+
+def test_a_camera_that_brakes_is_followed():
+    found = over(braking(6, harder=0.0))
+    assert found is not None
+    assert found[0][1] == pytest.approx(-0.5, abs=0.02)
+    assert abs(found[0][1] + 0.5) < 4 * found[1][1]
+
+
+def test_what_the_autopilot_knows_of_its_velocity_makes_the_result_better():
+    """It is wrong by a fifth and yet tells how the velocity changed."""
+
+    def errors(**said):
+        found = [over(braking(seed, **said)) for seed in range(30)]
+        assert all(f is not None for f in found)
+        return np.array([f[0] - (0, -0.5, 0) for f in found]), np.array([f[1] for f in found])
+
+    alone, _ = errors()
+    guided, std = errors(told=lambda speed, t: speed + 0.1)
+    assert np.sqrt((guided**2).mean()) < 0.7 * np.sqrt((alone**2).mean())
+    assert np.sqrt(((guided / std) ** 2).mean()) < 1.5
+
+
+@pytest.mark.parametrize("jump", [-10.0, -0.5, 0.4, 1.0, 10.0])
+@pytest.mark.parametrize("ago_s", [0.02, 0.1, 0.3])
+def test_a_velocity_that_jumps_spoils_little(jump: float, ago_s: float):
+    """A navigation filter that is reset changes its velocity at once, the vehicle does not."""
+    found = over(braking(7, told=lambda speed, t: speed + (jump if t > -ago_s else 0.0)))
+    assert found is not None
+    assert found[0][1] == pytest.approx(-0.5, rel=0.05)
+
+
+@pytest.mark.parametrize("told", [lambda speed, t: -speed, lambda speed, t: 0.0])
+def test_a_velocity_against_the_motion_or_none_does_not_count(told):
+    alone, other = over(braking(8)), over(braking(8, told=told))
+    assert alone is not None
+    assert other is not None
+    np.testing.assert_array_equal(other[0], alone[0])
+
+
+def test_an_old_velocity_does_not_count():
+    alone = over(braking(9))
+    old = over(braking(9, told=lambda speed, t: speed, age_s=2 * OPTIONS.velocity_max_age_s))
+    assert alone is not None
+    assert old is not None
+    np.testing.assert_array_equal(old[0], alone[0])
+
+
+def test_one_frame_has_no_velocity():
+    rng = np.random.default_rng(7)
+    flight = synthetic_flow.Flight(synthetic_flow.ground(rng, 0, 0, 1.0, 1.2), rng)
+    assert over(flight.step(0.0, np.zeros(3))) is None
