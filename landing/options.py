@@ -44,7 +44,7 @@ class TrackingOptions:
         float, Limits(0.001, 1, "px", "error of a match that no texture helps against")
     ] = 0.05
     corner_max_std_px: Annotated[float, Limits(0.01, 2, "px", "worst predicted error of a corner")] = 0.4
-    corner_px: Annotated[int, Limits(3, 41, "px", "side of the window a corner is found by")] = 5
+    corner_px: Annotated[int, Limits(3, 41, "px", "side of the window a corner is found by")] = 6
     spacing_px: Annotated[int, Limits(0, 50, "px", "new corners keep this far from tracks")] = 7
     twin_px: Annotated[float, Limits(1, 50, "px", "tracks as near as this are one")] = 5.0
     renew_below: Annotated[float, Limits(0, 1, "", "share of tracks left at which corners are added")] = 0.75

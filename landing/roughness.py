@@ -18,7 +18,7 @@ from landing.motion import displacement, rotation_flow
 from landing.options import EstimatorOptions
 from landing.plane import Plane
 from landing.relief_memory import Cells, ReliefMemory
-from landing.tracking import TrackPair
+from landing.tracking import FeatureTracker
 from landing.views import Views
 
 Array = NDArray[np.float64]
@@ -42,6 +42,17 @@ class Relief:
     standing: int
 
 
+@dataclass(frozen=True, slots=True)
+class _Measured:
+    """``height``, ``std`` and gross errors ``wrong`` (capacity,) over the plane ``normal`` (3,), as of one frame."""
+
+    frame: int
+    height: Array
+    std: Array
+    wrong: NDArray[np.bool_]
+    normal: Array
+
+
 class ReliefMap:
     """Heights of the tracked points over the plane, and the roughness of the whole view.
 
@@ -57,6 +68,7 @@ class ReliefMap:
         self.memory = ReliefMemory(options, camera, self._cells, border_px)
         self._streak = np.zeros(capacity, np.int64)
         self._born = np.full(capacity, -1, np.int64)
+        self._measured: list[_Measured | None] = [None] * FeatureTracker.HISTORY
 
     def step(self, views: Views, plane: Plane) -> Relief | None:
         """Relief at the newest frame over ``plane``; None when there is no baseline to see it by."""
@@ -95,60 +107,64 @@ class ReliefMap:
     def _measure(self, views: Views, plane: Plane) -> tuple[Array, Array, Array, Array, int]:
         """Heights and standard deviations of all slots (capacity,), newest and older, and the gross errors.
 
-        The newest go back to half the plane's baseline, or for younger tracks as far as they reach; the older
-        ones span the other half, so that the two have no frame but the middle one in common.
+        The newest go back to half the plane's baseline, or for younger tracks as far as they reach; the older are
+        the newest of as many frames ago, so that the two have at most the middle frame in common.
         """
-        tracker = views.tracker
-        capacity = len(tracker.alive)
-        weight = np.ones(capacity)
+        tracker, o = views.tracker, self.options
+        weight = np.ones(len(tracker.alive))
         weight[plane.slots] = plane.weight
-        height, std = np.full(capacity, math.nan), np.full(capacity, math.nan)
-        wrong = np.zeros(capacity, bool)
+        height, std = np.full((2, len(weight)), math.nan)
+        wrong = np.zeros(len(weight), bool)
         half = max(1, plane.gap // 2)
         gaps = self._gaps(views, half)
         slots = np.flatnonzero(tracker.alive & (tracker.born <= tracker.frame - gaps[-1]))
         index = np.searchsorted(-gaps, -(tracker.frame - tracker.born[slots]))
-        whole, derotated = views.stack(gaps, slots)
+        # the displacements over all the gaps come from the tracks that reach back over all of them
         oldest = index == 0
-        found = self._over(
-            whole,
-            derotated,
-            np.minimum(index, len(gaps) - 1),
-            oldest,
+        tracks, derotated = views.stack(gaps, slots)
+        found = displacement(
+            tracks.new[oldest],
+            derotated[:, oldest],
             plane.normal,
-            weight,
-            views.baseline_std(half),
+            tracks.whitener[:, oldest],
+            weight[slots[oldest]],
+            np.hypot((o.rotation_std_rad, o.rotation_std_rad, o.yaw_std_rad), views.baseline_std(half)),
         )
         if found is not None:
-            height[slots], std[slots] = found[0], found[1]
-            wrong[slots] = found[2]
-        older, older_std, older_wrong = self._older(views, plane.normal, weight, half)
-        wrong |= older_wrong
-        height[wrong] = math.nan
-        return height, std, older, older_std, int(np.count_nonzero(wrong))
-
-    def _older(
-        self, views: Views, normal: Array, weight: Array, half: int
-    ) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Heights, their standard deviations and gross errors of all slots from the half baseline before the newest."""
-        capacity = len(views.tracker.alive)
-        height, std = np.full(capacity, math.nan), np.full(capacity, math.nan)
-        wrong = np.zeros(capacity, bool)
-        if 2 * half <= views.longest:
-            baseline = views.baseline(half, half)
-            slots = baseline.tracks.slots
-            found = self._over(
-                baseline.tracks,
-                baseline.derotated_old[None],
-                np.zeros(len(slots), np.intp),
-                np.ones(len(slots), bool),
-                # the same plane, in the axes of the frame where the baseline begins
-                turned(normal, views.rotation(half)),
-                weight,
-                baseline.rotation_std_rad,
+            index = np.minimum(index, len(gaps) - 1)
+            old = derotated[index, np.arange(len(index))]
+            height[slots], std[slots], wrong[slots] = heights(
+                tracks.new, old, found[0][index], plane.normal, tracks.whitener, o
             )
-            if found is not None:
-                height[slots], std[slots], wrong[slots] = found
+        older, older_std, older_wrong = self._recall(views, plane, weight, half)
+        self._measured[tracker.frame % len(self._measured)] = _Measured(
+            tracker.frame, height, std, wrong, plane.normal
+        )
+        return np.where(wrong | older_wrong, math.nan, height), std, older, older_std, int(wrong.sum())
+
+    def _recall(
+        self, views: Views, plane: Plane, weight: Array, half: int
+    ) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """What all slots showed ``half`` frames ago, heights over the plane of now: they, their std, gross errors."""
+        tracker = views.tracker
+        height, std = np.full((2, len(weight)), math.nan)
+        frame = tracker.frame - half
+        then = self._measured[frame % len(self._measured)]
+        if then is None or then.frame != frame:
+            return height, std, np.zeros(len(weight), bool)
+        same = tracker.alive & (tracker.born < frame)
+        wrong = then.wrong & same
+        slots = np.flatnonzero(same & np.isfinite(then.height) & ~wrong)
+        point = tracker.history[frame % tracker.HISTORY, slots]
+        now = turned(plane.normal, views.rotation(half))
+        # the inverse depth is (1 + e) n . p whichever the plane, but for the scale: what fits the plane has none
+        old, new = (n[2] + point @ n[:2] for n in (then.normal, now))
+        inverse = (1 + then.height[slots] * np.linalg.norm(then.normal)) * old / new
+        fits = weight[slots]
+        total = float(fits @ inverse)
+        if total > 0:
+            height[slots] = (inverse * (float(fits.sum()) / total) - 1) / np.linalg.norm(now)
+            std[slots] = then.std[slots]
         return height, std, wrong
 
     def _gaps(self, views: Views, half: int) -> NDArray[np.intp]:
@@ -157,35 +173,6 @@ class ReliefMap:
         ages, counts = np.unique(tracker.frame - tracker.born[tracker.alive], return_counts=True)
         younger = ages[(ages >= 1) & (ages < half) & (counts >= o.relief_group_tracks)][::-1]
         return np.concatenate(((half,), younger[: o.relief_groups])).astype(np.intp)
-
-    def _over(
-        self,
-        tracks: TrackPair,
-        derotated: Array,
-        index: NDArray[np.intp],
-        solve: NDArray[np.bool_],
-        normal: Array,
-        weight: Array,
-        rotation_std: float,
-    ) -> tuple[Array, Array, NDArray[np.bool_]] | None:
-        """Heights of tracks whose old places are ``derotated[index]`` of (g, n, 2).
-
-        The displacements of all g gaps come from the tracks ``solve`` (n,), which reach back over all of them.
-        """
-        o = self.options
-        wrong_by = np.hypot((o.rotation_std_rad, o.rotation_std_rad, o.yaw_std_rad), rotation_std)
-        found = displacement(
-            tracks.new[solve],
-            derotated[:, solve],
-            normal,
-            tracks.whitener[:, solve],
-            weight[tracks.slots[solve]],
-            wrong_by,
-        )
-        if found is None:
-            return None
-        old = derotated[index, np.arange(len(index))]
-        return heights(tracks.new, old, found[0][index], normal, tracks.whitener, o)
 
     def _standing(self, born: NDArray[np.int64], slots: NDArray[np.intp], h: Array, s: Array) -> int:
         """How many tracks have stood out for some frames on end; what does not last is a tracking error."""

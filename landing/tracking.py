@@ -11,7 +11,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from landing.camera import CameraModel
@@ -23,6 +22,9 @@ Image = NDArray[Any]
 
 _CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 0.01)
 _VECTOR = 8
+_BLOCK = 2
+"""Corners are looked for in blocks of so many pixels a side."""
+_MIDDLE = (_BLOCK - 1) / 2
 _GUESS = cv2.OPTFLOW_USE_INITIAL_FLOW
 
 
@@ -68,6 +70,7 @@ class FeatureTracker:
         self._rows, self._cols = camera.height // self._cell, camera.width // self._cell
         self._top = (camera.height - self._rows * self._cell) // 2
         self._left = (camera.width - self._cols * self._cell) // 2
+        self._members = self._members_of_cells()
 
     def reset(self) -> None:
         """Forget all tracks: the next frame starts anew."""
@@ -205,6 +208,30 @@ class FeatureTracker:
         column = ((pixels[:, 0] - self._left) // self._cell).astype(np.int64).clip(0, self._cols - 1)
         return row, column
 
+    def _blocks(self, pixels: NDArray[np.float32]) -> NDArray[np.int64]:
+        """Column and row (n, 2) of the structure tensor's block that each pixel (n, 2) lies in."""
+        last = (self.camera.width // _BLOCK - 1, self.camera.height // _BLOCK - 1)
+        return ((pixels + 0.5) // _BLOCK).astype(np.int64).clip(0, last)
+
+    def _members_of_cells(self) -> NDArray[np.int64]:
+        """Blocks (cells, k) of each cell where a window fits, the first one repeated where there are fewer than k."""
+        columns, rows = self.camera.width // _BLOCK, self.camera.height // _BLOCK
+        y, x = np.divmod(np.arange(rows * columns), columns)
+        middle = np.column_stack((x, y)) * _BLOCK + _MIDDLE
+        far_side = np.array((self.camera.width, self.camera.height)) - 1
+        inside = np.minimum(middle, far_side - middle).min(axis=1) >= self.options.window_px / 2 + 1
+        first, side = np.array((self._left, self._top)), np.array((self._cols, self._rows)) * self._cell
+        inside &= ((middle >= first) & (middle < first + side)).all(axis=1)
+        place = np.flatnonzero(inside)
+        row, column = self._cells(middle[place].astype(np.float32))
+        cell = row * self._cols + column
+        order = np.argsort(cell, kind="stable")
+        place, cell = place[order], cell[order]
+        count = np.bincount(cell, minlength=self._rows * self._cols)
+        begin = count.cumsum() - count
+        steps = np.minimum(np.arange(count.max()), np.maximum(count - 1, 0)[:, None])
+        return place[np.minimum(begin[:, None] + steps, len(place) - 1)]
+
     def _occupied(self) -> NDArray[np.bool_]:
         cells = np.zeros((self._rows, self._cols), bool)
         cells[self._cells(self.pixels[self.alive])] = True
@@ -224,12 +251,9 @@ class FeatureTracker:
         self.born[free] = self.frame
         slots = np.flatnonzero(self.alive)
         if len(slots):
-            x, y = np.rint(self.pixels[slots]).astype(int).T
-            side, half = o.window_px, o.window_px // 2
-            x = np.clip(x - half, 0, self.camera.width - side)
-            y = np.clip(y - half, 0, self.camera.height - side)
-            patches = [sliding_window_view(t, (side, side))[y, x] for t in tensor]
-            around = np.array([patch.mean(axis=(1, 2), dtype=np.float64) for patch in patches])
+            side = max(1, o.window_px // 2)
+            x, y = self._blocks(self.pixels[slots]).T
+            around = np.array([cv2.boxFilter(t, -1, (side, side))[y, x] for t in tensor], np.float64)
             self.whitener[:, slots] = self._whitener(around)
         self._reference, self._reference_frame = image, self.frame
         self._reference_px[:] = self.pixels
@@ -238,33 +262,29 @@ class FeatureTracker:
     def _corners(self, tensor: tuple[Image, Image, Image]) -> NDArray[np.float32]:
         """The best corner (n, 2) px of each empty cell, best first (Shi and Tomasi's smaller eigenvalue)."""
         o = self.options
-        size = (o.corner_px, o.corner_px)
-        xx, xy, yy = (cv2.boxFilter(t, -1, size) for t in tensor)
+        side = max(1, o.corner_px // 2)
+        xx, xy, yy = (cv2.boxFilter(t, -1, (side, side)) for t in tensor)
         difference = cv2.magnitude(cv2.addWeighted(xx, 0.5, yy, -0.5, 0), xy)
         strength = cv2.subtract(cv2.addWeighted(xx, 0.5, yy, 0.5, 0), difference)
-        margin = o.window_px // 2 + 1
-        strength[:margin] = strength[-margin:] = 0
-        strength[:, :margin] = strength[:, -margin:] = 0
         # not beside a track that is there already
         taken = np.zeros(strength.shape, np.uint8)
-        u, v = np.rint(self.pixels[self.alive]).astype(int).T
+        u, v = self._blocks(self.pixels[self.alive]).T
         taken[v, u] = 1
-        side = 2 * o.spacing_px + 1
+        side = 2 * (o.spacing_px // 2) + 1
         strength[cv2.dilate(taken, np.ones((side, side), np.uint8)).view(bool)] = 0
-        s, rows, cols = self._cell, self._rows, self._cols
-        blocks = strength[self._top : self._top + rows * s, self._left : self._left + cols * s]
-        blocks = blocks.reshape(rows, s, cols, s).transpose(0, 2, 1, 3).reshape(rows * cols, s * s)
-        best = blocks.argmax(axis=1)
-        value = blocks[np.arange(rows * cols), best]
+        members = self._members
+        among = strength.ravel()[members]
+        best = among.argmax(axis=1)
+        each = np.arange(len(members))
+        value, place = among[each, best], members[each, best]
         # the match's standard deviation along the weak direction must be bearable
         limit = (o.grey_noise / (o.window_px * o.corner_max_std_px)) ** 2
         cells = np.flatnonzero((value > limit) & ~self._occupied().ravel())
-        cells = cells[np.argsort(-value[cells], kind="stable")]
-        u = self._left + (cells % cols) * s + best[cells] % s
-        v = self._top + (cells // cols) * s + best[cells] // s
-        # in the middle of its window's pixels: a template that is not interpolated has half the bias
-        middle = 0.5 if o.window_px % 2 == 0 else 0.0
-        return np.column_stack((u + middle, v + middle)).astype(np.float32)
+        place = place[cells[np.argsort(-value[cells], kind="stable")]]
+        v, u = np.divmod(place, strength.shape[1])
+        # in the middle of a block, and so of an even window's pixels: a template that is not interpolated has half
+        # the bias
+        return np.column_stack((u * _BLOCK + _MIDDLE, v * _BLOCK + _MIDDLE)).astype(np.float32)
 
     def _whitener(self, tensor: Points) -> Points:
         """c11, c12, c22 (3, n) for mean structure tensors xx, xy, yy (3, n) in grey levels squared per pixel."""
@@ -302,11 +322,11 @@ class FeatureTracker:
 
 
 def structure_tensor(image: Image) -> tuple[Image, Image, Image]:
-    """gx^2, gx gy and gy^2 of each pixel, grey levels squared per pixel squared."""
-    gx, gy = cv2.spatialGradient(image)
+    """Means of gx^2, gx gy and gy^2 over blocks of 2 x 2 pixels, grey levels squared per pixel squared."""
+    height, width = (side // _BLOCK * _BLOCK for side in image.shape)
+    gx, gy = cv2.spatialGradient(image[:height, :width])
     scale = 1 / 64  # the Sobel weights add up to eight
-    return (
-        cv2.multiply(gx, gx, scale=scale, dtype=cv2.CV_32F),
-        cv2.multiply(gx, gy, scale=scale, dtype=cv2.CV_32F),
-        cv2.multiply(gy, gy, scale=scale, dtype=cv2.CV_32F),
-    )
+    size = (width // _BLOCK, height // _BLOCK)
+    products = (cv2.multiply(a, b, scale=scale, dtype=cv2.CV_32F) for a, b in ((gx, gx), (gx, gy), (gy, gy)))
+    xx, xy, yy = (cv2.resize(product, size, interpolation=cv2.INTER_AREA) for product in products)
+    return xx, xy, yy

@@ -61,13 +61,14 @@ def _guided(
     if moved is None:
         return None
     vehicle, detour = change
-    speed2 = float(vehicle @ vehicle)
-    omega = _newest(moved, moved.t, o.acceleration_std)[0]
-    per_metre = float(omega @ vehicle) / speed2 if speed2 > 0 else 0.0
+    # the whole way over the longest gap, in heights and in metres
+    way = detour[-1] - vehicle * moved.tau[-1]
+    square = float(way @ way)
+    per_metre = float(way @ moved.t[-1]) / square if square > 0 else 0.0
     if per_metre <= 0:
         return None
     known = per_metre * detour
-    share_std = math.sqrt(o.guided_share_std**2 + o.guided_velocity_std**2 / speed2)
+    share_std = math.hypot(o.guided_share_std, o.guided_velocity_std * moved.tau[-1] / math.sqrt(square))
     omega, std, chi_square = _newest(moved, moved.t - known, o.guided_acceleration_std, share_std * known)
     return (omega, std) if chi_square <= o.velocity_agreement else None
 
