@@ -83,9 +83,11 @@ class LandingArea:
             return None
         below = down[None] / slant
         if math.isfinite(estimate.height_m):
-            east = np.cross(down, (1.0, 0.0, 0.0))
-            east /= np.linalg.norm(east)
-            level = np.stack((east, np.cross(down, east)))
+            # any two axes across the vertical: y x down, and down x that
+            x, _, z = down.tolist()
+            length = math.hypot(x, z)
+            first = np.array((z, 0.0, -x)) / length
+            level = np.stack((first, down[[1, 2, 0]] * first[[2, 0, 1]] - down[[2, 0, 1]] * first[[1, 2, 0]]))
             below = below + self.options.landing_radius_m / estimate.height_m * (_DISC @ level)
         ahead = below[:, 2] > 0
         if not ahead.all():

@@ -57,8 +57,9 @@ def exp_so3(v: NDArray[np.float64]) -> Matrix:
 def log_so3(rotation: Matrix) -> NDArray[np.float64]:
     """Rotation vector (3,) in radians of a rotation (3, 3); angles below pi."""
     r = rotation
-    w = np.array((r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1])) / 2
-    sine, cosine = float(np.linalg.norm(w)), float((np.trace(r) - 1) / 2)
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = r.tolist()
+    w = np.array(((zy - yz) / 2, (xz - zx) / 2, (yx - xy) / 2))
+    sine, cosine = math.sqrt(float(w @ w)), (xx + yy + zz - 1) / 2
     angle = math.atan2(sine, cosine)
     if sine > 1e-9:
         return w * (angle / sine)
