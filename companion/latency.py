@@ -7,7 +7,6 @@ subscriber stand around it. All clocks are this machine's monotonic one, so time
 import os
 import socket
 import statistics
-import threading
 import time
 from bisect import bisect_left, bisect_right
 from contextlib import ExitStack
@@ -17,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from companion.errors import LandslopeError
-from companion.latency_peers import PictureServer, Telemetry
+from companion.latency_peers import Background, PictureServer, Telemetry
 from companion.measured_daemon import MeasuredDaemon, Received, free_port
 
 SETTLE_S = 3.0
@@ -94,22 +93,13 @@ class _Usage:
     rss_bytes: int
 
 
-class _MemoryWatch:
+class _MemoryWatch(Background):
     """Looks at a process's resident memory twice a second."""
 
     def __init__(self, pid: int) -> None:
+        super().__init__()
         self._pid = pid
         self._points: list[tuple[float, int]] = []
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
-
-    def __enter__(self) -> "_MemoryWatch":
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stop.set()
-        self._thread.join()
 
     def growth_per_s(self) -> float:
         """Bytes a second, by least squares over the second half."""

@@ -5,6 +5,7 @@ import threading
 import time
 from functools import lru_cache
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Self
 
 import cv2
 import numpy as np
@@ -66,25 +67,38 @@ class PictureServer:
         self._server.server_close()
 
 
-class Telemetry:
-    """An autopilot that hovers level: telemetry at the usual rates; remembers when each ATTITUDE was sent."""
+class Background:
+    """A thread that does ``_run`` while a ``with`` block lasts; ``_stop`` tells it to end."""
 
-    def __init__(self, port: int) -> None:
-        self.sent_us: list[int] = []
-        self._target = ("127.0.0.1", port)
-        self._mav = dialect.MAVLink(None, 1, 1)
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
+    def __init__(self) -> None:
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
-    def __enter__(self) -> "Telemetry":
+    def __enter__(self) -> Self:
         self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._stop.set()
         self._thread.join()
+
+    def _run(self) -> None:
+        raise NotImplementedError
+
+
+class Telemetry(Background):
+    """An autopilot that hovers level: telemetry at the usual rates; remembers when each ATTITUDE was sent."""
+
+    def __init__(self, port: int) -> None:
+        super().__init__()
+        self.sent_us: list[int] = []
+        self._target = ("127.0.0.1", port)
+        self._mav = dialect.MAVLink(None, 1, 1)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+
+    def __exit__(self, *error: object) -> None:
+        super().__exit__(*error)
         self._socket.close()
 
     def _run(self) -> None:

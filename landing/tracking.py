@@ -95,14 +95,11 @@ class FeatureTracker:
         normalised[self.alive] = self.camera.undistort(self.pixels[self.alive])
         self.pixel_history[self.frame % self.HISTORY] = self.pixels
 
-    def pair(self, gap: int, before: int = 0) -> TrackPair:
-        """The tracks common to the frame ``before`` frames ago and the one ``gap`` frames older still.
-
-        Only tracks that are still followed count.
-        """
-        slots = np.flatnonzero(self.alive & (self.born <= self.frame - gap - before))
-        new = self.history[(self.frame - before) % self.HISTORY, slots]
-        old = self.history[(self.frame - gap - before) % self.HISTORY, slots]
+    def pair(self, gap: int) -> TrackPair:
+        """The tracks common to the newest frame and the one ``gap`` frames older."""
+        slots = np.flatnonzero(self.alive & (self.born <= self.frame - gap))
+        new = self.history[self.frame % self.HISTORY, slots]
+        old = self.history[(self.frame - gap) % self.HISTORY, slots]
         return TrackPair(gap, slots, new, old, self.whitener[:, slots])
 
     def longest(self) -> int:

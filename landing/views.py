@@ -103,9 +103,9 @@ class Views:
         """The exposure ``gap`` frames before the newest."""
         return self._views[-1 - gap]
 
-    def rotation(self, gap: int, before: int = 0) -> Array | None:
-        """old_from_new (3, 3) over ``gap`` frames up to ``before`` frames ago, None without both attitudes."""
-        old, new = self.view(gap + before).ned_from_camera, self.view(before).ned_from_camera
+    def rotation(self, gap: int) -> Array | None:
+        """old_from_new (3, 3) over the last ``gap`` frames, None without both attitudes."""
+        old, new = self.view(gap).ned_from_camera, self.newest.ned_from_camera
         return None if old is None or new is None else old.T @ new
 
     def stack(self, gaps: NDArray[np.intp], slots: NDArray[np.intp] | None = None) -> tuple[TrackPair, Array]:
@@ -195,20 +195,18 @@ class Views:
         moved = self._derotated(gaps, slots) - tracker.history[tracker.frame % tracker.HISTORY, slots]
         return gaps, count, np.sqrt((moved * moved).sum(axis=(1, 2)) / len(slots))
 
-    def baseline(self, gap: int, before: int = 0) -> Baseline:
-        """The frame ``before`` frames ago against the one ``gap`` frames older."""
-        tracks = self.tracker.pair(gap, before)
-        old, new = self.view(gap + before), self.view(before)
-        measured = self.rotation(gap, before)
+    def baseline(self, gap: int) -> Baseline:
+        """The newest frame against the one ``gap`` frames older."""
+        tracks = self.tracker.pair(gap)
+        measured = self.rotation(gap)
         rotation = np.eye(3) if measured is None else measured
-        std = float(np.hypot(old.rotation_std_rad, new.rotation_std_rad) / np.sqrt(2))
         return Baseline(
             gap,
-            new.time_s - old.time_s,
+            self.newest.time_s - self.view(gap).time_s,
             tracks,
             rotation,
             measured is not None,
-            std,
+            self.baseline_std(gap),
             derotate(tracks.old, rotation),
         )
 
