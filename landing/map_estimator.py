@@ -172,5 +172,10 @@ class MapEstimator:
             fit.residual,
             fit.noise,
             float(inlier.mean()),
-            math.sqrt(float((fit.residual[inlier] ** 2).sum(axis=1).mean())),
+            _rms(fit.residual[inlier]),
         )
+
+
+def _rms(residual: Array) -> float:
+    """Root of the mean squared length of vectors (n, 2); NaN without any."""
+    return math.sqrt(float((residual**2).sum()) / len(residual)) if len(residual) else math.nan

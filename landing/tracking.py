@@ -70,7 +70,7 @@ class FeatureTracker:
         self._rows, self._cols = camera.height // self._cell, camera.width // self._cell
         self._top = (camera.height - self._rows * self._cell) // 2
         self._left = (camera.width - self._cols * self._cell) // 2
-        self._members = self._members_of_cells()
+        self._open, self._members = self._places()
 
     def reset(self) -> None:
         """Forget all tracks: the next frame starts anew."""
@@ -210,8 +210,11 @@ class FeatureTracker:
         last = (self.camera.width // _BLOCK - 1, self.camera.height // _BLOCK - 1)
         return ((pixels + 0.5) // _BLOCK).astype(np.int64).clip(0, last)
 
-    def _members_of_cells(self) -> NDArray[np.int64]:
-        """Blocks (cells, k) of each cell where a window fits, the first one repeated where there are fewer than k."""
+    def _places(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The cells (c,) in which a window fits anywhere, and their blocks (c, k) where it does.
+
+        Where a cell has fewer than k the last one is repeated.
+        """
         columns, rows = self.camera.width // _BLOCK, self.camera.height // _BLOCK
         y, x = np.divmod(np.arange(rows * columns), columns)
         middle = np.column_stack((x, y)) * _BLOCK + _MIDDLE
@@ -224,10 +227,9 @@ class FeatureTracker:
         cell = row * self._cols + column
         order = np.argsort(cell, kind="stable")
         place, cell = place[order], cell[order]
-        count = np.bincount(cell, minlength=self._rows * self._cols)
-        begin = count.cumsum() - count
-        steps = np.minimum(np.arange(count.max()), np.maximum(count - 1, 0)[:, None])
-        return place[np.minimum(begin[:, None] + steps, len(place) - 1)]
+        cells, begin, count = np.unique(cell, return_index=True, return_counts=True)
+        most = int(count.max(initial=1))
+        return cells, place[begin[:, None] + np.minimum(np.arange(most), count[:, None] - 1)]
 
     def _occupied(self) -> NDArray[np.bool_]:
         cells = np.zeros((self._rows, self._cols), bool)
@@ -269,19 +271,17 @@ class FeatureTracker:
         taken[v, u] = 1
         side = 2 * (o.spacing_px // 2) + 1
         strength[cv2.dilate(taken, np.ones((side, side), np.uint8)).view(bool)] = 0
-        members = self._members
-        among = strength.ravel()[members]
-        best = among.argmax(axis=1)
-        each = np.arange(len(members))
-        value, place = among[each, best], members[each, best]
+        among = strength.ravel()[self._members]
+        each, best = np.arange(len(among)), among.argmax(axis=1)
+        value, place = among[each, best], self._members[each, best]
         # the match's standard deviation along the weak direction must be bearable
         limit = (o.grey_noise / (o.window_px * o.corner_max_std_px)) ** 2
-        cells = np.flatnonzero((value > limit) & ~self._occupied().ravel())
-        place = place[cells[np.argsort(-value[cells], kind="stable")]]
+        found = np.flatnonzero((value > limit) & ~self._occupied().ravel()[self._open])
+        place = place[found[np.argsort(-value[found], kind="stable")]]
         v, u = np.divmod(place, strength.shape[1])
-        # in the middle of a block, and so of an even window's pixels: a template that is not interpolated has half
-        # the bias
-        return np.column_stack((u * _BLOCK + _MIDDLE, v * _BLOCK + _MIDDLE)).astype(np.float32)
+        # in the middle of its window's pixels: a template that is not interpolated has half the bias
+        middle = _MIDDLE if o.window_px % 2 == 0 else 0.0
+        return np.column_stack((u * _BLOCK + middle, v * _BLOCK + middle)).astype(np.float32)
 
     def _whitener(self, tensor: Points) -> Points:
         """c11, c12, c22 (3, n) for mean structure tensors xx, xy, yy (3, n) in grey levels squared per pixel."""

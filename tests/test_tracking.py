@@ -68,6 +68,15 @@ def test_brightness_may_step_by_thirty_per_cent(ground: np.ndarray):
     assert np.median(np.hypot(*error.T)) < 0.1
 
 
+@pytest.mark.parametrize(("width", "height"), [(16, 16), (18, 40), (33, 25)])
+def test_a_picture_with_little_room_for_windows_has_few_tracks(width: int, height: int):
+    rng = np.random.default_rng(1)
+    found = FeatureTracker(CameraModel.from_focal(width, height, width), TrackingOptions())
+    for _ in range(3):
+        found.step(rng.integers(0, 255, (height, width), np.uint8))
+    assert found.alive.sum() <= 2
+
+
 def test_corners_are_spread_over_the_image_and_replenished(ground: np.ndarray):
     found = tracker()
     counts = []
