@@ -23,10 +23,11 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class BodyAttitude:
-    """``ned_from_body`` (3, 3) at a moment; ``rotation_std`` in rad per axis, see AttitudeBuffer.at."""
+    """``ned_from_body`` (3, 3) at a moment; ``rotation_std``, ``tilt_std`` in rad per axis: see AttitudeBuffer.at."""
 
     ned_from_body: NDArray[np.float64]
     rotation_std: float
+    tilt_std: float
 
 
 class AttitudeBuffer:
@@ -48,6 +49,7 @@ class AttitudeBuffer:
         self._gyro: list[tuple[float, float, float]] = []
         self._mean_rate = [0.0, 0.0, 0.0]
         self._rate_variance = 0.0
+        self._tilt_rate2 = 0.0
 
     @property
     def newest_us(self) -> int | None:
@@ -90,6 +92,9 @@ class AttitudeBuffer:
         exposures alike, so that it matters only by the swing, the deviation of the turn rate from its mean over
         half a second; stamps jitter singly. bow is what interpolation cannot see: the change of rate between the two
         neighbours times an eighth of their gap (the sagitta of a parabola), with the gyro's gap where it fills in.
+
+        ``tilt_std`` speaks of roll and pitch themselves, whose moment is uncertain by the clocks' doubt and by that of
+        the camera's lateness, ``time_offset_std_s``: the RMS of roll and pitch rate over half a second, times both.
         """
         times = self._times
         if not times:
@@ -102,7 +107,9 @@ class AttitudeBuffer:
         before = self._attitudes[k - 1]
         start = matrix_from_euler(before.roll, before.pitch, before.yaw)
         if times[k - 1] == boot_us:
-            return BodyAttitude(start, self._std(before, before, 0.0, clock_std_s))
+            return BodyAttitude(
+                start, self._std(before, before, 0.0, clock_std_s), self._tilt_std(clock_std_s)
+            )
         after = self._attitudes[k]
         gap_us = times[k] - times[k - 1]
         if gap_us > self._max_gap_us:
@@ -118,7 +125,8 @@ class AttitudeBuffer:
                 turned, whole = _integrate(rates, boot_us)
                 closing = whole.T @ closing
         attitude = start @ turned @ exp_so3(share * log_so3(closing))
-        return BodyAttitude(attitude, self._std(before, after, blind_us * 1e-6, clock_std_s))
+        std = self._std(before, after, blind_us * 1e-6, clock_std_s)
+        return BodyAttitude(attitude, std, self._tilt_std(clock_std_s))
 
     def _rates(self, start_us: int, end_us: int) -> list[tuple[int, Vector]] | None:
         """Turn rates from start to end; None where the gyro tells nothing inside or does not reach near the ends.
@@ -153,6 +161,8 @@ class AttitudeBuffer:
             self._mean_rate[i] += weight * deviation
             deviation2 += deviation * deviation
         self._rate_variance += weight * (deviation2 / 3 - self._rate_variance)
+        tilt_rate2 = (attitude.rollspeed**2 + attitude.pitchspeed**2) / 2
+        self._tilt_rate2 += weight * (tilt_rate2 - self._tilt_rate2)
 
     def _std(self, before: Attitude, after: Attitude, blind_s: float, clock_std_s: float) -> float:
         rate = math.sqrt((before.rollspeed**2 + before.pitchspeed**2 + before.yawspeed**2) / 3)
@@ -166,6 +176,9 @@ class AttitudeBuffer:
             math.sqrt(self._rate_variance) * clock_std_s,
             change * blind_s / 8,
         )
+
+    def _tilt_std(self, clock_std_s: float) -> float:
+        return math.sqrt(self._tilt_rate2) * math.hypot(clock_std_s, self._s.time_offset_std_s)
 
 
 def _integrate(rates: list[tuple[int, Vector]], boot_us: int) -> tuple[Vector, Vector]:

@@ -47,6 +47,7 @@ def observation_of(ready: ReadyFrame) -> Observation:
         std,
         ready.velocity_ned,
         velocity_age_s=ready.velocity_age_s,
+        tilt_std_rad=attitude.tilt_std,
     )
 
 

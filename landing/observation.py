@@ -13,8 +13,9 @@ class Observation:
     ``image`` is (height, width) uint8 grey. ``time_s`` counts from any fixed origin and rises from
     observation to observation. ``ned_from_body`` is the (3, 3) attitude at mid-exposure, or None;
     ``rotation_std_rad`` the standard deviation of the error of the rotation between two exposures, per axis
-    (timing, interpolation, sensor). ``velocity_ned`` is (3,) m/s with one standard deviation for all axes, from a
-    message ``velocity_age_s`` away from the exposure.
+    (timing, interpolation, sensor), ``tilt_std_rad`` that of roll and pitch themselves for want of the exact
+    moment. ``velocity_ned`` is (3,) m/s with one standard deviation for all axes, from a message
+    ``velocity_age_s`` away from the exposure.
     """
 
     frame: int
@@ -25,3 +26,4 @@ class Observation:
     velocity_ned: NDArray[np.float64] | None = None
     velocity_std: float = 0.2
     velocity_age_s: float = 0.0
+    tilt_std_rad: float = 0.0

@@ -144,7 +144,7 @@ class SurfacePipeline:
             self.camera.body_from_camera,
             roll if o.use_attitude else 0.0,
             pitch if o.use_attitude else 0.0,
-            math.radians(o.attitude_std_deg),
+            math.hypot(math.radians(o.attitude_std_deg), observation.tilt_std_rad),
         )
         height_m, height_std_m = self._height(observation, plane)
         return {

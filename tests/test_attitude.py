@@ -183,6 +183,18 @@ def test_doubt_grows_with_swing_jitter_and_gap():
     assert swung.at(1_505_000, 0.004).rotation_std > 2 * swung.at(1_505_000, 0.0).rotation_std
 
 
+def test_a_turn_makes_the_tilt_as_doubtful_as_its_moment():
+    """Rolling by 0.4 rad/s, ten milliseconds are 4 mrad, shared by two axes; turning about the vertical is no tilt."""
+    rolling, yawing = AttitudeBuffer(SyncSettings(time_offset_std_s=0.01)), AttitudeBuffer(SyncSettings())
+    for k in range(400):
+        t = k / 100
+        rolling.add_attitude(10_000 * k, Attitude(0, 0, 0.4 * t, 0, 0, 0.4))
+        yawing.add_attitude(10_000 * k, Attitude(0, 0, 0, 0, 0.4 * t, 0, 0, 0.4))
+    assert rolling.at(3_005_000).tilt_std == pytest.approx(0.004 / math.sqrt(2), rel=1e-3)
+    assert rolling.at(3_005_000, 0.01).tilt_std == pytest.approx(0.004, rel=1e-3)
+    assert yawing.at(3_005_000).tilt_std == 0
+
+
 def test_doubt_covers_the_error_without_a_gyro():
     buffer = filled(NO_DELAY, 10, 0)
     ratio = [

@@ -196,3 +196,13 @@ def test_height_comes_from_the_velocity(slope: PlaneSequence, camera: CameraMode
     assert e is not None
     assert e.height_m == pytest.approx(slope.distance[-1], rel=0.03)
     assert abs(e.height_m - slope.distance[-1]) < 3 * e.height_std_m
+
+
+def test_doubt_about_the_tilt_is_in_the_inclination(slope: PlaneSequence, camera: CameraModel):
+    pipeline = SurfacePipeline(camera, Options())
+    for k, image in enumerate(slope.images):
+        estimate = pipeline.step(
+            Observation(k, k / sequences.RATE_HZ, image, np.eye(3), 1e-5, tilt_std_rad=0.02 * (k % 2))
+        )
+        if k >= sequences.WARM_UP:
+            assert (estimate.inclination_std_deg > np.degrees(0.019)) == (k % 2 == 1)
