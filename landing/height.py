@@ -7,6 +7,10 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+_ROUNDS = 3
+_LEAST = 1e-9
+"""Where neither has an error, 1/s."""
+
 
 def height(
     velocity: Array, velocity_std: float, omega: Array, omega_std: Array, max_relative_std: float
@@ -14,17 +18,20 @@ def height(
     """Distance to the surface along the optical axis and its standard deviation, m.
 
     ``velocity`` (3,) m/s and ``omega`` (3,) 1/s in the camera frame; the inverse height that fits all three axes
-    best. NaN where the motion does not tell it within ``max_relative_std``.
+    best, both with their errors. NaN where the motion does not tell it within ``max_relative_std``.
     """
     speed = math.sqrt(float(velocity @ velocity))
     if speed <= 0 or not np.isfinite(omega).all():
         return math.nan, math.nan
-    weight = 1.0 / np.maximum(omega_std, 1e-9) ** 2
-    information = float((weight * velocity) @ velocity)
-    inverse = float((weight * velocity) @ omega) / information
-    if inverse <= 0:
-        return math.nan, math.nan
-    relative = math.hypot(1.0 / (math.sqrt(information) * inverse), velocity_std / speed)
-    if relative > max_relative_std:
+    inverse = float(velocity @ omega) / speed**2
+    for _ in range(_ROUNDS):
+        if inverse <= 0:
+            return math.nan, math.nan
+        # an error of the velocity counts by what it makes of omega
+        weight = 1.0 / (omega_std**2 + (velocity_std * inverse) ** 2 + _LEAST**2)
+        information = float((weight * velocity) @ velocity)
+        inverse = float((weight * velocity) @ omega) / information
+    relative = 1.0 / (math.sqrt(information) * inverse)
+    if not 0 < relative <= max_relative_std:
         return math.nan, math.nan
     return 1.0 / inverse, relative / inverse
