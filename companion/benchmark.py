@@ -26,6 +26,7 @@ from companion.core import observation_of
 from companion.errors import LandslopeError
 from companion.replay_source import PlainCamera, open_source
 from companion.sync import Synchroniser
+from landing.border import Border
 from landing.camera import CameraModel
 from landing.evidence import Evidence
 from landing.map_estimator import MapEstimator
@@ -53,6 +54,7 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "motion": ((landing.map_estimator, "velocity"),),
     "evidence": ((Evidence, "add"), (Evidence, "fuse")),
     "relief": ((ReliefMemory, "move"), (ReliefMap, "step")),
+    "border": ((Border, "step"),),
     "decision": ((landing.pipeline, "against_flat"),),
 }
 """Stage -> where it is called: (class or module, name)."""

@@ -15,6 +15,7 @@ _NO_SECOND_MAP = np.empty((0, 0), np.float32)
 
 _STEP = 8
 """Pixels between the nodes of a warp; between them the map is interpolated linearly."""
+_ALL = slice(None)
 
 
 def apply(h: Array, points: Points) -> Points:
@@ -102,15 +103,32 @@ class Warp:
         x = np.arange(columns) * _STEP - _STEP / 2 - 0.5
         y = np.arange(rows) * _STEP - _STEP / 2 - 0.5
         nodes = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-        self._nodes, self._shape = camera.undistort(nodes), (rows, columns)
+        self._nodes = camera.undistort(nodes).reshape(rows, columns, 2)
 
     def __call__(self, image: NDArray[np.uint8], new_from_old: Array) -> NDArray[np.uint8]:
         """The old ``image`` (height, width) as the new camera sees it, for a homography of normalised points."""
-        rows, columns = self._shape
         old_from_new = np.linalg.inv(new_from_old).astype(np.float64, copy=False)
-        coarse = self.camera.project(apply(old_from_new, self._nodes)).astype(np.float32)
-        size = (columns * _STEP, rows * _STEP)
-        full = cv2.resize(coarse.reshape(rows, columns, 2), size, interpolation=cv2.INTER_LINEAR)
-        inner = full[_STEP : _STEP + self.camera.height, _STEP : _STEP + self.camera.width]
-        warped = cv2.remap(image, inner, _NO_SECOND_MAP, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT_101)
+        places = self.places(old_from_new)
+        warped = cv2.remap(image, places, _NO_SECOND_MAP, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT_101)
         return np.asarray(warped, np.uint8)
+
+    def places(
+        self, other_from_this: Array, rows: slice = _ALL, columns: slice = _ALL
+    ) -> NDArray[np.float32]:
+        """Pixels (..., 2) in another view of this one's pixels in ``rows`` and ``columns``, linear between nodes."""
+        (top, bottom, first_row, last_row), (left, right, first, last) = (
+            _span(part, size) for part, size in ((rows, self.camera.height), (columns, self.camera.width))
+        )
+        nodes = self._nodes[first_row : last_row + 1, first : last + 1]
+        coarse = self.camera.project(apply(other_from_this, nodes.reshape(-1, 2))).astype(np.float32)
+        size = (nodes.shape[1] * _STEP, nodes.shape[0] * _STEP)
+        full = cv2.resize(coarse.reshape(nodes.shape), size, interpolation=cv2.INTER_LINEAR)
+        # node k lies in the middle of the block of pixels that begins at (k - 1) times the step
+        y, x = top - (first_row - 1) * _STEP, left - (first - 1) * _STEP
+        return np.asarray(full[y : y + bottom - top, x : x + right - left], np.float32)
+
+
+def _span(part: slice, size: int) -> tuple[int, int, int, int]:
+    """Beginning and end of some of ``size`` pixels, and the first and the last node about them."""
+    begin, end, _ = part.indices(size)
+    return begin, end, begin // _STEP, (end - 1) // _STEP + 2

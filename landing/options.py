@@ -151,6 +151,17 @@ class EstimatorOptions:
         float, Limits(0, 0.5, "", "border beyond the view, over its width, still remembered")
     ] = 0.025
     remembered: Annotated[int, Limits(0, 1000, "", "points that stood out and are remembered")] = 100
+    border_flow_px: Annotated[
+        float, Limits(0.5, 20, "px", "motion over which the border of the view is looked at")
+    ] = 2.5
+    border_height: Annotated[
+        float, Limits(0.005, 1, "", "height over the distance that stands out at the border")
+    ] = 0.08
+    border_sigmas: Annotated[float, Limits(1, 20, "sigma", "the same in its own uncertainty")] = 7.5
+    border_noise: Annotated[
+        float, Limits(0.5, 10, "", "error of a block's height over what its pixels say")
+    ] = 1.8
+    border_locking_px: Annotated[float, Limits(0, 1, "px", "error of a strip's shift")] = 0.035
     gross_sigmas: Annotated[
         float, Limits(1, 20, "sigma", "residual across the motion that unmasks an error")
     ] = 4.0

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from landing.border import Border
 from landing.camera import CameraModel
 from landing.decision import against_flat
 from landing.errors import LandingError
@@ -52,6 +53,7 @@ class SurfacePipeline:
         )
         tracking = options.tracking
         self.relief = ReliefMap(options.estimator, camera, tracking.max_features, tracking.window_px / 2)
+        self.border = Border(options.estimator, camera)
         self._motion: tuple[Array, Array] | None = None
         self._last_s = -math.inf
 
@@ -101,6 +103,8 @@ class SurfacePipeline:
         if observation.ned_from_body is not None:
             roll, pitch, _ = euler_from_matrix(observation.ned_from_body)
         relief_ = self.relief.step(self.views, plane)
+        if relief_ and relief_.roughness <= self.options.decision.max_roughness:
+            relief_ = self._with_border(relief_, plane)
         known: dict[str, Any] = {}
         if math.isfinite(plane.divergence):
             known = {
@@ -128,6 +132,14 @@ class SurfacePipeline:
         )
         reasons = against_flat(estimate, self.options.decision)
         return replace(estimate, flat=not reasons, against_flat=reasons)
+
+    def _with_border(self, relief_: Relief, plane: Plane) -> Relief:
+        """The relief with what stands at the border of the view, looked for only where the rest is even."""
+        standing = self.border.step(self.views, plane)
+        if standing is None:
+            return relief_
+        self.relief.memory.add(standing.pixels, standing.height)
+        return replace(relief_, roughness=math.sqrt(relief_.roughness**2 + standing.mean_square))
 
     def _surface(self, observation: Observation, plane: Plane, roll: float, pitch: float) -> dict[str, float]:
         """Fields of the estimate that a plane gives."""

@@ -40,6 +40,12 @@ class Plane:
     fit_error: float = NAN
     """Distance of the tracks from the fit, normalised: RMS of the inliers, or for the quadratic fit mean of all."""
 
+    def weights(self, capacity: int) -> Array:
+        """The weight of every slot (capacity,); those that were not used count as inliers."""
+        out = np.ones(capacity)
+        out[self.slots] = self.weight
+        return out
+
     @property
     def normal(self) -> Array:
         """(-a, -b, 1) (3,): from the surface towards the ground, camera frame, not of unit length."""

@@ -75,16 +75,23 @@ class ReliefMemory:
             replaced = even | self.cells.marked(self.cells.of(pixels[sure]))
             self._keep(np.logical_or(~replaced[self.cells.of(self._pixels)], self._in_border()))
         if sure.any():
-            most = self.options.remembered
-            self._points = np.concatenate((self._points, points[sure]))[-most:]
-            self._pixels = np.concatenate((self._pixels, pixels[sure]))[-most:]
-            self.heights = np.concatenate((self.heights, heights[sure]))[-most:]
+            self._append(points[sure], pixels[sure].astype(np.float64), heights[sure])
+
+    def add(self, pixels: Array, height: float) -> None:
+        """Take in places (n, 2) px that were seen to stand out by a height without any track."""
+        self._append(self.camera.undistort(pixels), pixels, np.full(len(pixels), height))
 
     def unseen(self, seen: Marks) -> tuple[NDArray[np.int64], Array]:
         """Cells (m,) and heights (m,) of the points where nothing is measured: not in ``seen``, or in the border."""
         cell = self.cells.of(self._pixels)
         gone = np.logical_or(~seen[cell], self._in_border())
         return cell[gone], self.heights[gone]
+
+    def _append(self, points: Array, pixels: Array, heights: Array) -> None:
+        most = self.options.remembered
+        self._points = np.concatenate((self._points, points))[-most:]
+        self._pixels = np.concatenate((self._pixels, pixels))[-most:]
+        self.heights = np.concatenate((self.heights, heights))[-most:]
 
     def _in_border(self) -> Marks:
         return ~_all(np.logical_and(self._pixels >= self._near, self._pixels <= self._far))

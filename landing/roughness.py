@@ -111,8 +111,7 @@ class ReliefMap:
         the newest of as many frames ago, so that the two have at most the middle frame in common.
         """
         tracker, o = views.tracker, self.options
-        weight = np.ones(len(tracker.alive))
-        weight[plane.slots] = plane.weight
+        weight = plane.weights(len(tracker.alive))
         height, std = np.full((2, len(weight)), math.nan)
         wrong = np.zeros(len(weight), bool)
         half = max(1, plane.gap // 2)

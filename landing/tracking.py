@@ -6,6 +6,7 @@ view has moved on by a part of a cell. The positions of the last frames stay in 
 gap between two frames without tracking again.
 """
 
+from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
@@ -49,6 +50,8 @@ class FeatureTracker:
 
     HISTORY = 100
     """Frames whose positions are kept."""
+    IMAGES = 5
+    """Frames whose pictures are kept."""
 
     def __init__(self, camera: CameraModel, options: TrackingOptions) -> None:
         self.camera, self.options = camera, options
@@ -61,6 +64,8 @@ class FeatureTracker:
         self.pixel_history = np.full((self.HISTORY, n, 2), np.nan, np.float32)
         self.whitener = np.ones((3, n))
         self.refused = 0
+        self.images: deque[Image] = deque(maxlen=self.IMAGES)
+        """The last pictures as they were matched, the newest first."""
         self._warp = Warp(camera)
         self._reference: Image | None = None
         self._reference_frame = -1
@@ -75,6 +80,7 @@ class FeatureTracker:
     def reset(self) -> None:
         """Forget all tracks: the next frame starts anew."""
         self.frame = -1
+        self.images.clear()
         self._reference = None
         self.alive[:] = False
 
@@ -85,6 +91,7 @@ class FeatureTracker:
         frame before (a homography); a good prediction makes the search short and sure.
         """
         image = self._prepared(image)
+        self.images.appendleft(image)
         self.frame += 1
         if self._reference is not None:
             self._follow(self._reference, image, new_from_previous)
