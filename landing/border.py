@@ -130,7 +130,7 @@ class Border:
             if coming < _LEAST_PX:
                 continue
             begin = math.ceil(coming) + _CLEAR
-            if begin + _INWARDS + _DEPTH < self._size[axis] // 2:
+            if begin + _INWARDS + _DEPTH < self._size[axis] // 2 and self._size[1 - axis] >= _LENGTH + 2:
                 out[side] = self._strip(views, before, side, begin)
         return out
 

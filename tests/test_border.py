@@ -93,6 +93,16 @@ def test_what_was_seen_at_the_border_makes_the_view_rough_until_tracks_have_judg
     assert max(rough[seen + 15 :]) < 0.01
 
 
+@pytest.mark.parametrize(("width", "height"), [(240, 60), (60, 180), (240, 18)])
+def test_a_view_without_room_for_strips_is_left_alone(width: int, height: int):
+    camera = CameraModel.from_focal(width, height, 200.0)
+    pipeline, border = SurfacePipeline(camera, Options()), Border(Options().estimator, camera)
+    for k, image in enumerate(pictures(None, 0)[:12]):
+        pipeline.step(Observation(k, k / RATE_HZ, image[:height, :width].copy(), np.eye(3), 1e-5))
+    moving = Plane("ok", 0.0, 0.0, np.eye(2) * 1e-6, np.array((0.6, 0.0, 0.0)))
+    assert border.step(pipeline.views, moving) is None
+
+
 def test_without_motion_or_attitude_nothing_is_looked_at():
     image = pictures(None, 0)[0]
     pipeline = SurfacePipeline(CAMERA, Options())
