@@ -54,10 +54,7 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     features: Annotated[int, about("tracks used")]
     inlier_fraction: Annotated[float | None, about("share of the tracks that move as the plane says")]
     fit_error_px: Annotated[
-        float | None,
-        about(
-            "distance of the tracks from the fit: RMS of the inliers (`map`), mean of all (`quadratic`)", "px"
-        ),
+        float | None, about("mean distance of the tracks from where the fit has them", "px")
     ]
     flat: Annotated[bool, about("this frame's surface is flat and level enough")]
     against_flat: Annotated[tuple[str, ...], about("what stands against flat, in words")]

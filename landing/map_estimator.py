@@ -172,10 +172,5 @@ class MapEstimator:
             fit.residual,
             fit.noise,
             float(inlier.mean()),
-            _rms(fit.residual[inlier]),
+            float(np.hypot(*fit.residual.T).mean()),
         )
-
-
-def _rms(residual: Array) -> float:
-    """Root of the mean squared length of vectors (n, 2); NaN without any."""
-    return math.sqrt(float((residual**2).sum()) / len(residual)) if len(residual) else math.nan

@@ -38,7 +38,7 @@ class Plane:
     noise: float = NAN
     inlier_fraction: float = NAN
     fit_error: float = NAN
-    """Distance of the tracks from the fit, normalised: RMS of the inliers, or for the quadratic fit mean of all."""
+    """Mean distance of the tracks, outliers too, from where the fit has them, normalised units."""
 
     def weights(self, capacity: int) -> Array:
         """The weight of every slot (capacity,); those that were not used count as inliers."""
