@@ -23,11 +23,15 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class BodyAttitude:
-    """``ned_from_body`` (3, 3) at a moment; ``rotation_std``, ``tilt_std`` in rad per axis: see AttitudeBuffer.at."""
+    """``ned_from_body`` (3, 3) at a moment and ``turn_rate`` (3,) rad/s about the body's axes.
+
+    ``rotation_std``, ``tilt_std`` in rad per axis: see AttitudeBuffer.at.
+    """
 
     ned_from_body: NDArray[np.float64]
     rotation_std: float
     tilt_std: float
+    turn_rate: Vector
 
 
 class AttitudeBuffer:
@@ -81,20 +85,21 @@ class AttitudeBuffer:
             del self._gyro_times[:old], self._gyro[:old]
         return True
 
-    def at(self, boot_us: int, clock_std_s: float = 0.0) -> BodyAttitude | str:
+    def at(self, boot_us: int, moment_std_s: float = 0.0) -> BodyAttitude | str:
         """The attitude at a boot time, or the reason there is none.
 
         Reasons: "no_attitude" (none came yet), "attitude_too_late" (the moment lies before all of them),
         "attitude_not_yet" (behind all of them), "attitude_gap" (between two that are too far apart).
 
         ``rotation_std`` speaks of the rotation between two exposures, per axis, all one sigma:
-        std^2 = noise^2 + (rate stamp_jitter)^2 + (swing clock_std)^2 + bow^2. The clocks' doubt moves both
-        exposures alike, so that it matters only by the swing, the deviation of the turn rate from its mean over
-        half a second; stamps jitter singly. bow is what interpolation cannot see: the change of rate between the two
-        neighbours times an eighth of their gap (the sagitta of a parabola), with the gyro's gap where it fills in.
+        std^2 = noise^2 + (rate stamp_jitter)^2 + (swing moment_std)^2 + bow^2. ``moment_std_s`` is the doubt about
+        both moments alike (clocks, the camera's lateness), so that it matters only by the swing, the deviation of the
+        turn rate from its mean over half a second; stamps jitter singly. bow is what interpolation cannot see: the
+        change of rate between the two neighbours times an eighth of their gap (the sagitta of a parabola), with the
+        gyro's gap where it fills in.
 
-        ``tilt_std`` speaks of roll and pitch themselves, whose moment is uncertain by the clocks' doubt and by that of
-        the camera's lateness, ``time_offset_std_s``: the RMS of roll and pitch rate over half a second, times both.
+        ``tilt_std`` speaks of roll and pitch themselves: the RMS of their rates over half a second, times that doubt
+        and the doubt about the delay of the autopilot's own filter, ``attitude_delay_std_s``.
         """
         times = self._times
         if not times:
@@ -107,9 +112,8 @@ class AttitudeBuffer:
         before = self._attitudes[k - 1]
         start = matrix_from_euler(before.roll, before.pitch, before.yaw)
         if times[k - 1] == boot_us:
-            return BodyAttitude(
-                start, self._std(before, before, 0.0, clock_std_s), self._tilt_std(clock_std_s)
-            )
+            std = self._std(before, before, 0.0, moment_std_s)
+            return BodyAttitude(start, std, self._tilt_std(moment_std_s), _turn_rate(before))
         after = self._attitudes[k]
         gap_us = times[k] - times[k - 1]
         if gap_us > self._max_gap_us:
@@ -125,8 +129,9 @@ class AttitudeBuffer:
                 turned, whole = _integrate(rates, boot_us)
                 closing = whole.T @ closing
         attitude = start @ turned @ exp_so3(share * log_so3(closing))
-        std = self._std(before, after, blind_us * 1e-6, clock_std_s)
-        return BodyAttitude(attitude, std, self._tilt_std(clock_std_s))
+        std = self._std(before, after, blind_us * 1e-6, moment_std_s)
+        rate = (1 - share) * _turn_rate(before) + share * _turn_rate(after)
+        return BodyAttitude(attitude, std, self._tilt_std(moment_std_s), rate)
 
     def _rates(self, start_us: int, end_us: int) -> list[tuple[int, Vector]] | None:
         """Turn rates from start to end; None where the gyro tells nothing inside or does not reach near the ends.
@@ -164,7 +169,7 @@ class AttitudeBuffer:
         tilt_rate2 = (attitude.rollspeed**2 + attitude.pitchspeed**2) / 2
         self._tilt_rate2 += weight * (tilt_rate2 - self._tilt_rate2)
 
-    def _std(self, before: Attitude, after: Attitude, blind_s: float, clock_std_s: float) -> float:
+    def _std(self, before: Attitude, after: Attitude, blind_s: float, moment_std_s: float) -> float:
         rate = math.sqrt((before.rollspeed**2 + before.pitchspeed**2 + before.yawspeed**2) / 3)
         change = math.dist(
             (before.rollspeed, before.pitchspeed, before.yawspeed),
@@ -173,12 +178,16 @@ class AttitudeBuffer:
         return math.hypot(
             self._s.attitude_noise_rad,
             rate * self._s.stamp_jitter_s,
-            math.sqrt(self._rate_variance) * clock_std_s,
+            math.sqrt(self._rate_variance) * moment_std_s,
             change * blind_s / 8,
         )
 
-    def _tilt_std(self, clock_std_s: float) -> float:
-        return math.sqrt(self._tilt_rate2) * math.hypot(clock_std_s, self._s.time_offset_std_s)
+    def _tilt_std(self, moment_std_s: float) -> float:
+        return math.sqrt(self._tilt_rate2) * math.hypot(moment_std_s, self._s.attitude_delay_std_s)
+
+
+def _turn_rate(attitude: Attitude) -> Vector:
+    return np.array((attitude.rollspeed, attitude.pitchspeed, attitude.yawspeed))
 
 
 def _integrate(rates: list[tuple[int, Vector]], boot_us: int) -> tuple[Vector, Vector]:

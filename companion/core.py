@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from companion.attitude import BodyAttitude
 from companion.events import event
 from companion.frozen_camera import FrozenCamera
-from companion.health import HealthMonitor
+from companion.health import Clocks, HealthMonitor
 from companion.judge import Judge, LandRequest
 from companion.messages import Message, estimate_message
 from companion.settings import Settings
@@ -20,6 +20,9 @@ from landing.pipeline import SurfacePipeline
 
 ATTITUDE_WITNESSES = 3
 """Frames in a row without an attitude (or with one again) before an event tells of it."""
+
+LATE_WORTH_TELLING_S, LATE_SIGMAS = 0.005, 4.0
+"""A lateness of the frames that an event tells of."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +40,7 @@ def observation_of(ready: ReadyFrame) -> Observation:
     """What the pipeline is given for a frame."""
     frame, attitude, time_s = ready.frame, ready.attitude, ready.time_us * 1e-6
     if not isinstance(attitude, BodyAttitude):
-        return Observation(frame.number, time_s, frame.image)
+        return Observation(frame.number, time_s, frame.image, late_s=ready.late_s)
     rotation, std = attitude.ned_from_body, attitude.rotation_std
     return Observation(
         frame.number,
@@ -48,6 +51,8 @@ def observation_of(ready: ReadyFrame) -> Observation:
         ready.velocity_ned,
         velocity_age_s=ready.velocity_age_s,
         tilt_std_rad=attitude.tilt_std,
+        turn_rate=attitude.turn_rate,
+        late_s=ready.late_s,
     )
 
 
@@ -74,6 +79,7 @@ class Core:
         self._attitude_known: bool | None = None
         self._attitude_streak = 0
         self._frame_number: int | None = None
+        self._late_told_s = 0.0
 
     def set_enabled(self, enabled: bool) -> None:
         """The user's permission to land; taking it back and giving it again allows another request."""
@@ -148,6 +154,8 @@ class Core:
         observation = observation_of(ready)
         self._watch_attitude(ready, out)
         estimate = self._pipeline.step(observation)
+        lateness = self._pipeline.lateness
+        self._sync.allow_for(lateness.late_s, lateness.std_s)
         if self._watch_picture(observation, ready, out):
             estimate = SurfaceEstimate(frame.number, estimate.time_s, "camera_frozen", estimate.method)
         self._health.counters[f"estimates {estimate.status}"] += 1
@@ -182,9 +190,24 @@ class Core:
             out.append(event("camera_frozen" if frozen else "camera_moves", seen.frame, ready.exposure_us))
         return frozen
 
+    def _watch_lateness(self, out: list[Output]) -> None:
+        """Tell of a lateness that is surely there, and again when it has surely changed."""
+        late_s, std_s = self._pipeline.lateness.late_s, self._pipeline.lateness.std_s
+        if abs(late_s - self._late_told_s) <= max(LATE_WORTH_TELLING_S, LATE_SIGMAS * std_s):
+            return
+        self._late_told_s = late_s
+        set_s = self._sync.offset_us * 1e-6
+        text = (
+            f"frames are {abs(late_s) * 1e3:.0f} ms {'later' if late_s > 0 else 'earlier'} than camera.time_offset_s = "
+            f"{set_s:g} s says; it is allowed for, set it to {set_s + late_s:.3f}"
+        )
+        details = {"late_s": round(late_s, 6), "std_s": round(std_s, 6)}
+        out.append(event("camera_late", self._frame_number, self._sync.raw_us(), text, details))
+
     def _tell(self, notice: Notice, out: list[Output]) -> None:
         if notice.name == "autopilot_rebooted":
             self._judge.forget_autopilot()
+            self._pipeline.lateness.loosen()
         out.append(event(notice.name, self._frame_number, self._sync.raw_us(), details=notice.details))
 
     def _tick(self, out: list[Output]) -> None:
@@ -210,9 +233,13 @@ class Core:
                 what = "none came yet"
             out.append(event(kind, self._frame_number, raw_us, f"{_words(name)}: {what}", {"input": name}))
         self._stale = stale
-        offset_us = clock.offset_us(clock.boot_us(now_us)) if clock.settled else None
-        std_s = clock.std_s if clock.settled else None
-        out.append(self._health.message(now_us, raw_us, clock.settled, offset_us, std_s))
+        clocks = Clocks()
+        if clock.settled:
+            lateness = self._pipeline.lateness
+            offset_s = clock.offset_us(clock.boot_us(now_us)) * 1e-6
+            clocks = Clocks(offset_s, clock.std_s, lateness.late_s, lateness.std_s)
+            self._watch_lateness(out)
+        out.append(self._health.message(now_us, raw_us, clocks))
 
 
 def _words(name: str) -> str:

@@ -57,6 +57,17 @@ VITAL = ("frames", "attitude")
 """Inputs without which there is nothing to say of the surface."""
 
 
+@dataclass(frozen=True, slots=True)
+class Clocks:
+    """How the clocks stand to each other: ``offset_s`` companion minus autopilot, ``late_s`` lateness found of the
+    frames, each with its standard deviation; None where it is not known."""
+
+    offset_s: float | None = None
+    std_s: float | None = None
+    late_s: float | None = None
+    late_std_s: float | None = None
+
+
 @dataclass(slots=True)
 class _Input:
     count: int = 0
@@ -138,9 +149,7 @@ class HealthMonitor:
             found.append("two vehicles on the link: set vehicle.system_id")
         return tuple(found)
 
-    def message(
-        self, now_us: int, time_unix_us: int, settled: bool, offset_us: float | None, std_s: float | None
-    ) -> Health:
+    def message(self, now_us: int, time_unix_us: int, clocks: Clocks) -> Health:
         """Health since the last call."""
         since_us = self._told_us if self._told_us is not None else self._start_us
         span_s = (now_us - since_us) * 1e-6 if since_us is not None else 0.0
@@ -158,7 +167,7 @@ class HealthMonitor:
             )
             entry.told = entry.count
         self._told_us = now_us
-        problems = self.problems(now_us, settled)
+        problems = self.problems(now_us, clocks.offset_s is not None)
         failed = any(inputs[name].state != "ok" for name in VITAL if name in self._expected)
         state = (
             "failed"
@@ -173,7 +182,13 @@ class HealthMonitor:
             problems=problems,
             inputs=inputs,
             counters=dict(sorted(self.counters.items())),
-            clock_offset_s=None if offset_us is None else round(offset_us * 1e-6, 6),
-            clock_std_s=None if std_s is None else round(std_s, 6),
+            clock_offset_s=_rounded(clocks.offset_s),
+            clock_std_s=_rounded(clocks.std_s),
+            camera_late_s=_rounded(clocks.late_s),
+            camera_late_std_s=_rounded(clocks.late_std_s),
             pipeline_ms=None,
         )
+
+
+def _rounded(seconds: float | None) -> float | None:
+    return None if seconds is None else round(seconds, 6)

@@ -97,6 +97,10 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
     counters: Annotated[dict[str, int], about("everything counted, by name")]
     clock_offset_s: Annotated[float | None, about("companion clock minus autopilot clock", "s")]
     clock_std_s: Annotated[float | None, about("standard deviation of clock_offset_s", "s")]
+    camera_late_s: Annotated[
+        float | None, about("lateness of the frames beyond camera.time_offset_s, found and allowed for", "s")
+    ]
+    camera_late_std_s: Annotated[float | None, about("standard deviation of camera_late_s", "s")]
     pipeline_ms: Annotated[float | None, about("time one frame takes in the pipeline", "ms")]
 
 

@@ -114,9 +114,9 @@ class SyncSettings:
     attitude_noise_rad: Annotated[
         float, Limits(1e-5, 0.02, "rad", "noise of the rotation between two attitudes, one sigma")
     ] = 2e-4
-    time_offset_std_s: Annotated[float, Limits(0, 0.1, "s", "error of camera.time_offset_s, one sigma")] = (
-        0.01
-    )
+    attitude_delay_std_s: Annotated[
+        float, Limits(0, 0.1, "s", "error of the moment that an attitude is true of, one sigma")
+    ] = 0.005
     stamp_jitter_s: Annotated[float, Limits(0, 0.02, "s", "jitter of the frames' stamps, one sigma")] = 1e-4
     velocity_max_age_s: Annotated[
         float, Limits(0.02, 2, "s", "oldest velocity that is used for an exposure")

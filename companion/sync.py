@@ -1,5 +1,6 @@
 """Frames and telemetry brought together: each frame leaves with the attitude at the middle of its exposure."""
 
+import math
 from collections import deque
 from dataclasses import dataclass, replace
 
@@ -26,7 +27,8 @@ class ReadyFrame:
 
     ``exposure_us``: mid-exposure on the companion's clock as stamped; ``time_us`` rises from frame to frame;
     ``boot_us``: mid-exposure in boot time, None without a relation. ``attitude`` is the reason where there is none.
-    ``velocity_age_s``: from the nearest velocity message to the exposure.
+    ``velocity_age_s``: from the nearest velocity message to the exposure. ``late_s``: lateness found along the way,
+    which ``boot_us`` allows for.
     """
 
     frame: Frame
@@ -36,6 +38,7 @@ class ReadyFrame:
     attitude: BodyAttitude | str
     velocity_ned: NDArray[np.float64] | None
     velocity_age_s: float
+    late_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +70,7 @@ class Synchroniser:
         self._telemetry = telemetry
         self.clock = AutopilotClock(settings.sync)
         self.frame_time = FrameTimeline(round(settings.sync.jump_min_s * 1e6))
+        self._late_s, self._late_std_s = 0.0, settings.estimator.time_offset_std_s
         self._attitudes = AttitudeBuffer(settings.sync)
         self._velocities: deque[tuple[int, tuple[float, float, float]]] = deque(maxlen=VELOCITIES_KEPT)
         self._waiting: deque[_Waiting] = deque()
@@ -95,6 +99,10 @@ class Synchroniser:
     def waiting(self) -> bool:
         """Whether a frame waits for an attitude."""
         return bool(self._waiting)
+
+    def allow_for(self, late_s: float, std_s: float) -> None:
+        """Frames are later by so much, one sigma, than ``camera.time_offset_s`` says."""
+        self._late_s, self._late_std_s = late_s, std_s
 
     def tick(self, now_us: int) -> list[ReadyFrame]:
         """The companion's time went on to ``now_us`` without a sample."""
@@ -198,7 +206,7 @@ class Synchroniser:
         return ready
 
     def _boot_us(self, waiting: _Waiting) -> int:
-        return self.clock.boot_us(waiting.steady_us - self.offset_us)
+        return self.clock.boot_us(waiting.steady_us - self.offset_us - round(self._late_s * 1e6))
 
     def _leave(self, waiting: _Waiting, reason: str) -> ReadyFrame:
         attitude: BodyAttitude | str = "no_telemetry"
@@ -208,12 +216,19 @@ class Synchroniser:
             attitude = "no_attitude" if self._attitudes.newest_us is None else "clock_unsettled"
             if self.clock.settled:
                 boot_us = self._boot_us(waiting)
-                attitude = self._attitudes.at(boot_us, self.clock.std_s)
+                attitude = self._attitudes.at(boot_us, math.hypot(self.clock.std_s, self._late_std_s))
                 velocity, age_s = self._velocity_at(boot_us)
             if attitude == "attitude_not_yet":
                 attitude = reason
         return ReadyFrame(
-            waiting.frame, waiting.exposure_us, waiting.time_us, boot_us, attitude, velocity, age_s
+            waiting.frame,
+            waiting.exposure_us,
+            waiting.time_us,
+            boot_us,
+            attitude,
+            velocity,
+            age_s,
+            self._late_s,
         )
 
     def _velocity_at(self, boot_us: int) -> tuple[NDArray[np.float64] | None, float]:

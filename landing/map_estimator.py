@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from landing.evidence import Evidence, EvidenceOptions, slope_std
 from landing.motion import displacement
 from landing.options import EstimatorOptions
-from landing.plane import Plane
+from landing.plane import Plane, RotationError
 from landing.planefit import FitPrior, PlaneFit, fit_plane
 from landing.velocity import velocity
 from landing.views import Baseline, Views
@@ -38,6 +38,7 @@ class MapEstimator:
         self._weight = np.ones(capacity)
         self._noise = 1.0
         self._d = np.zeros(3)
+        self._rotation_std = np.zeros(3)
 
     def step(self, views: Views) -> Plane:
         """The plane at the newest frame."""
@@ -45,6 +46,8 @@ class MapEstimator:
         if views.longest < 1:
             self._normal = None
             return Plane("starting")
+        if views.corrected:
+            self.evidence.clear()
         gap, flow_px = self._choose(views)
         baseline = views.baseline(gap)
         if len(baseline.tracks.slots) < o.min_tracks:
@@ -98,6 +101,7 @@ class MapEstimator:
             std = np.hypot(std, baseline.rotation_std_rad)
         else:
             std = np.full(3, o.unmeasured_rotation_std_rad)
+        self._rotation_std = std
         prior = FitPrior(std, o.slope_std, noise_floor=o.noise_floor, noise_cap=o.noise_cap)
         tracks = baseline.tracks
         fit = None
@@ -173,4 +177,5 @@ class MapEstimator:
             fit.noise,
             float(inlier.mean()),
             float(np.hypot(*fit.residual.T).mean()),
+            RotationError(fit.d, fit.covariance[5:, 5:], self._rotation_std) if baseline.derotated else None,
         )

@@ -15,7 +15,8 @@ class Observation:
     ``rotation_std_rad`` the standard deviation of the error of the rotation between two exposures, per axis
     (timing, interpolation, sensor), ``tilt_std_rad`` that of roll and pitch themselves for want of the exact
     moment. ``velocity_ned`` is (3,) m/s with one standard deviation for all axes, from a message
-    ``velocity_age_s`` away from the exposure.
+    ``velocity_age_s`` away from the exposure. ``turn_rate`` is (3,) rad/s about the body's axes; ``late_s`` the
+    lateness of the stamps, beyond the one that is set, that all of this allows for.
     """
 
     frame: int
@@ -27,3 +28,5 @@ class Observation:
     velocity_std: float = 0.2
     velocity_age_s: float = 0.0
     tilt_std_rad: float = 0.0
+    turn_rate: NDArray[np.float64] | None = None
+    late_s: float = 0.0

@@ -66,6 +66,12 @@ class EstimatorOptions:
         "exact maximum a posteriori plane fit, or the paper's quadratic flow fits",
     ] = "map"
     seed: Annotated[int, Limits(0, 2**31 - 1, "", "seed of the random hypotheses")] = 1
+    time_offset_std_s: Annotated[
+        float, Limits(0, 0.1, "s", "error of camera.time_offset_s, one sigma; 0: known, none is looked for")
+    ] = 0.01
+    time_offset_drift: Annotated[
+        float, Limits(0, 0.01, "s/sqrt(s)", "random walk of the error of camera.time_offset_s")
+    ] = 3e-4
     use_attitude: Annotated[bool, "take the vehicle's attitude out of the slopes"] = True
     attitude_std_deg: Annotated[
         float, Limits(0, 10, "deg", "error of the autopilot's roll and pitch, one sigma")

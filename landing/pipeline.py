@@ -14,6 +14,7 @@ from landing.decision import against_flat
 from landing.errors import LandingError
 from landing.estimate import SurfaceEstimate, TrackView
 from landing.height import height
+from landing.lateness import Lateness
 from landing.map_estimator import MapEstimator
 from landing.observation import Observation
 from landing.options import EstimatorOptions, Options
@@ -54,6 +55,7 @@ class SurfacePipeline:
         tracking = options.tracking
         self.relief = ReliefMap(options.estimator, camera, tracking.max_features, tracking.window_px / 2)
         self.border = Border(options.estimator, camera)
+        self.lateness = Lateness(options.estimator.time_offset_std_s, options.estimator.time_offset_drift)
         self._motion: tuple[Array, Array] | None = None
         self._last_s = -math.inf
 
@@ -74,6 +76,7 @@ class SurfacePipeline:
         self.relief.memory.move(prediction)
         self._last_s = observation.time_s
         plane = self.estimator.step(self.views)
+        self.lateness.step(self.views, plane)
         self._motion = None
         if plane.status == "ok" and math.isfinite(plane.divergence):
             self._motion = plane.omega, plane.normal

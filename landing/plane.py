@@ -11,6 +11,18 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
+class RotationError:
+    """Error of the measured rotation old_from_new that a fit found: R = R0 exp(mean), in the newest camera's axes.
+
+    ``mean`` (3,) rad with its ``covariance`` (3, 3), under a prior of zero mean and ``prior_std`` (3,).
+    """
+
+    mean: Array
+    covariance: Array
+    prior_std: Array
+
+
+@dataclass(frozen=True, slots=True)
 class Plane:
     """Surface Z = h + aX + bY in the newest camera frame, and omega = V / h in 1/s.
 
@@ -39,6 +51,7 @@ class Plane:
     inlier_fraction: float = NAN
     fit_error: float = NAN
     """Mean distance of the tracks, outliers too, from where the fit has them, normalised units."""
+    rotation_error: RotationError | None = None
 
     def weights(self, capacity: int) -> Array:
         """The weight of every slot (capacity,); those that were not used count as inliers."""

@@ -1,6 +1,6 @@
 """The last frames as the estimators see them: tracks, times and attitudes of each."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from landing.camera import CameraModel
 from landing.observation import Observation
 from landing.options import TrackingOptions
+from landing.rotations import exp_so3
 from landing.tracking import FeatureTracker, TrackPair
 
 Array = NDArray[np.float64]
@@ -15,12 +16,15 @@ Array = NDArray[np.float64]
 
 _GAPS = np.array((1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24, 29, 35, 42, 50, 60, 72, 86), np.intp)
 """Baselines looked at, in frames."""
+_LATE_STEP_S = 0.002
+"""Change of the lateness at which the attitudes of earlier frames are put right."""
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """One exposure: its time, ned_from_camera (3, 3) or None, the trust in rotations measured from it, and the
-    vehicle's velocity (3,) m/s NED or None with its age."""
+    """One exposure: its time, ned_from_camera (3, 3) or None, the trust in rotations measured from it, the
+    vehicle's velocity (3,) m/s NED or None with its age, the camera's rate of turn (3,) rad/s about its own axes or
+    None, and the lateness that the attitude allows for."""
 
     frame: int
     time_s: float
@@ -28,6 +32,8 @@ class View:
     rotation_std_rad: float
     velocity_ned: Array | None = None
     velocity_age_s: float = 0.0
+    turn_rate: Array | None = None
+    late_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +70,9 @@ class Views:
         """The tracks of the frames before the newest, turned into the world's axes; in the tracker's ring."""
         self._known = np.zeros(FeatureTracker.HISTORY, bool)
         """Whether the attitude that this takes was known."""
+        self._late_s = 0.0
+        self.corrected = False
+        """Whether the newest exposure put earlier attitudes right."""
 
     def step(self, observation: Observation, new_from_previous: Array | None) -> None:
         """Take the next exposure; ``new_from_previous`` as in ``FeatureTracker.step``."""
@@ -72,17 +81,40 @@ class Views:
             ned_from_camera = observation.ned_from_body @ self.camera.body_from_camera
         self.tracker.step(observation.image, new_from_previous)
         o = observation
+        rate = None if o.turn_rate is None else o.turn_rate @ self.camera.body_from_camera
         self.add(
-            View(o.frame, o.time_s, ned_from_camera, o.rotation_std_rad, o.velocity_ned, o.velocity_age_s)
+            View(
+                o.frame,
+                o.time_s,
+                ned_from_camera,
+                o.rotation_std_rad,
+                o.velocity_ned,
+                o.velocity_age_s,
+                rate,
+                o.late_s,
+            )
         )
 
     def add(self, view: View) -> None:
         """Take an exposure into which the tracker has followed its tracks."""
+        self.corrected = abs(view.late_s - self._late_s) > _LATE_STEP_S
+        if self.corrected:
+            self._correct(view.late_s)
         if self._views:
-            self._turn(self._views[-1].ned_from_camera)
+            self._turn(self.tracker.frame - 1, self._views[-1].ned_from_camera)
         self._views.append(view)
         if len(self._views) > FeatureTracker.HISTORY:
             del self._views[0]
+
+    def _correct(self, late_s: float) -> None:
+        """Put the attitudes of earlier frames right for a lateness that is known better now."""
+        self._late_s = late_s
+        for k, view in enumerate(self._views):
+            if view.ned_from_camera is None or view.turn_rate is None:
+                continue
+            turned = view.ned_from_camera @ exp_so3(view.turn_rate * (view.late_s - late_s))
+            self._views[k] = replace(view, ned_from_camera=turned, late_s=late_s)
+            self._turn(self.tracker.frame - len(self._views) + k, turned)
 
     def reset(self) -> None:
         """Forget everything: the next frame starts anew."""
@@ -107,6 +139,14 @@ class Views:
         """old_from_new (3, 3) over the last ``gap`` frames, None without both attitudes."""
         old, new = self.view(gap).ned_from_camera, self.newest.ned_from_camera
         return None if old is None or new is None else old.T @ new
+
+    def turn_change(self, gap: int) -> tuple[Array, Array] | None:
+        """The error (3,) rad of ``rotation(gap)`` for each second of lateness, and what of it is taken out already."""
+        rotation, old, new = self.rotation(gap), self.view(gap), self.newest
+        if rotation is None or old.turn_rate is None or new.turn_rate is None:
+            return None
+        before = old.turn_rate @ rotation
+        return before - new.turn_rate, before * old.late_s - new.turn_rate * new.late_s
 
     def stack(self, gaps: NDArray[np.intp], slots: NDArray[np.intp] | None = None) -> tuple[TrackPair, Array]:
         """Tracks and their derotated places (g, n, 2) in the frames ``gaps`` (g,) before the newest.
@@ -157,9 +197,9 @@ class Views:
         """Standard deviation (rad, per axis) of the measured rotation over ``gap`` frames."""
         return float(np.hypot(self.view(gap).rotation_std_rad, self.newest.rotation_std_rad) / np.sqrt(2))
 
-    def _turn(self, turn: Array | None) -> None:
-        """Turn the tracks of the frame before the newest into the world's axes."""
-        place = (self.tracker.frame - 1) % self.tracker.HISTORY
+    def _turn(self, frame: int, turn: Array | None) -> None:
+        """Turn the tracks of a frame into the world's axes."""
+        place = frame % self.tracker.HISTORY
         self._known[place] = turn is not None
         if turn is not None:
             self._rays[:, place] = turn[:, :2] @ self.tracker.history[place].T + turn[:, 2:]

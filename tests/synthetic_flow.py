@@ -193,6 +193,8 @@ class Flight:
         known: bool = True,
         velocity_ned: Array | None = None,
         velocity_age_s: float = 0.0,
+        body_rate: Array | None = None,
+        late_s: float = 0.0,
     ) -> Views:
         """The next exposure; ``measured`` is what the autopilot says of the attitude, without it the truth."""
         tracker, camera = self.views.tracker, self.camera
@@ -212,7 +214,8 @@ class Flight:
         row[:] = np.nan
         row[tracker.alive] = camera.undistort(pixel[tracker.alive])
         turned = told @ camera.body_from_camera if known else None
-        self.views.add(View(tracker.frame, time_s, turned, 1e-5, velocity_ned, velocity_age_s))
+        rate = None if body_rate is None else body_rate @ camera.body_from_camera
+        self.views.add(View(tracker.frame, time_s, turned, 1e-5, velocity_ned, velocity_age_s, rate, late_s))
         return self.views
 
 

@@ -185,7 +185,7 @@ def test_doubt_grows_with_swing_jitter_and_gap():
 
 def test_a_turn_makes_the_tilt_as_doubtful_as_its_moment():
     """Rolling by 0.4 rad/s, ten milliseconds are 4 mrad, shared by two axes; turning about the vertical is no tilt."""
-    rolling, yawing = AttitudeBuffer(SyncSettings(time_offset_std_s=0.01)), AttitudeBuffer(SyncSettings())
+    rolling, yawing = AttitudeBuffer(SyncSettings(attitude_delay_std_s=0.01)), AttitudeBuffer(SyncSettings())
     for k in range(400):
         t = k / 100
         rolling.add_attitude(10_000 * k, Attitude(0, 0, 0.4 * t, 0, 0, 0.4))

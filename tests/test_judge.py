@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import pytest
 
-from companion.health import HealthMonitor
+from companion.health import Clocks, HealthMonitor
 from companion.judge import Judge, LandRequest
 from companion.messages import Decision, Event
 from companion.settings import HealthSettings, LandingSettings, Settings
@@ -215,11 +215,11 @@ def test_decisions_come_on_change_and_every_second():
 def test_health_counts_rates_ages_and_refusals():
     scene = Scene()
     scene.run(1)
-    scene.health.message(scene.now_us, scene.now_us, True, 0.0, 0.001)
+    scene.health.message(scene.now_us, scene.now_us, Clocks(0.0, 0.001))
     scene.run(2)
     scene.health.count(Refusal(scene.now_us, "ATTITUDE", "not_finite"), scene.now_us)
     scene.health.count(Refusal(scene.now_us, "link", "garbage"), scene.now_us)
-    health = scene.health.message(scene.now_us, scene.now_us, True, 1.5e6, 0.001)
+    health = scene.health.message(scene.now_us, scene.now_us, Clocks(1.5, 0.001))
     assert health.state == "ok"
     assert health.problems == ()
     assert health.inputs["attitude"].rate_hz == pytest.approx(30, abs=0.2)
@@ -238,7 +238,7 @@ def test_an_input_that_stopped_is_told_in_words(name, state):
     scene.run(1)
     scene.silent = {name}
     scene.run(4)
-    health = scene.health.message(scene.now_us, scene.now_us, True, 0.0, 0.001)
+    health = scene.health.message(scene.now_us, scene.now_us, Clocks(0.0, 0.001))
     assert health.state == state
     assert any(p.startswith(f"{name}: none for 4.0 s") for p in health.problems), health.problems
     assert health.inputs[name].state == "stale"
@@ -247,7 +247,7 @@ def test_an_input_that_stopped_is_told_in_words(name, state):
 def test_of_a_plain_video_only_frames_are_expected():
     health = HealthMonitor(HealthSettings(), False)
     health.count(Frame(0, START_US, START_US, None), START_US)
-    message = health.message(START_US + 1, START_US + 1, False, None, None)
+    message = health.message(START_US + 1, START_US + 1, Clocks())
     assert message.state == "ok"
     assert list(message.inputs) == ["frames"]
     assert "attitude" in health.stale(START_US), "but no landing is requested without an attitude"

@@ -181,7 +181,7 @@ def test_every_part_of_the_page_says_what_the_messages_say(
     assert texts["permission"] == "withheld: landing is not enabled"
     assert texts["health"] == "degraded"
     assert texts["problems"] == "gyro: stale for 2.5 s"
-    assert "clocks agree to 0.6 ms" in texts["clock"]
+    assert "clocks agree to 0.6 ms; frames 12 ms later than set" in texts["clock"]
     inputs = browser.script("return document.getElementById('inputs').innerText").split("\n")
     assert inputs == ["frames: ok", "30.0 Hz", "0.03 s", "900, 2 refused", "gyro: stale", "–", "2.50 s", "10"]
     # Texts of a vehicle are texts, whatever is in them.

@@ -43,6 +43,8 @@ def health(state: str, *problems: str) -> Health:
         counters={},
         clock_offset_s=None,
         clock_std_s=None,
+        camera_late_s=None,
+        camera_late_std_s=None,
         pipeline_ms=None,
     )
 

@@ -59,6 +59,8 @@ def example(name: str) -> bytes:
                     counters={"a": 1},
                     clock_offset_s=None,
                     clock_std_s=None,
+                    camera_late_s=None,
+                    camera_late_std_s=None,
                     pipeline_ms=4.0,
                 )
             )

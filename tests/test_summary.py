@@ -147,6 +147,8 @@ def test_trouble_and_refusals_are_told():
         counters={"refused attitude: not_finite": 3, "estimates ok": 5},
         clock_offset_s=None,
         clock_std_s=None,
+        camera_late_s=None,
+        camera_late_std_s=None,
         pipeline_ms=None,
     )
     kept = history([estimate(0, 1.0), event("attitude_lost", 0, "attitude late", "warning"), health])

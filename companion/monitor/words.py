@@ -8,6 +8,7 @@ SAID_LAST = "What follows is what it said last; it may not be true any more."
 LARGEST_PLAIN = 1e6
 """Larger numbers are written with a power of ten."""
 LONGEST_TEXT = 400
+LATE_SHOWN_S = 0.003
 COMPASS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 VERDICTS = {"fit": "FIT TO LAND", "unfit": "NOT FIT", "unknown": "UNKNOWN"}
 
@@ -136,6 +137,9 @@ def clock(health: Health | None) -> str:
         return DASH
     std_ms = None if health.clock_std_s is None else 1000 * health.clock_std_s
     known = "clocks not set against each other yet" if std_ms is None else f"clocks agree to {std_ms:.1f} ms"
+    late_s = health.camera_late_s
+    if late_s is not None and abs(late_s) >= LATE_SHOWN_S:
+        known += f"; frames {abs(1000 * late_s):.0f} ms {'later' if late_s > 0 else 'earlier'} than set"
     return f"{known}; pipeline {number(health.pipeline_ms, 1, ' ms')} a frame"
 
 
