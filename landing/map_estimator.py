@@ -113,7 +113,7 @@ class MapEstimator:
             if near is not None:
                 start = near[0][0], -float(self._normal[0]), -float(self._normal[1])
                 fit = self._refine(baseline, prior, start)
-        if fit is None or float((fit.weight > 0).mean()) < o.restart_below:
+        if fit is None or np.count_nonzero(fit.weight) < o.restart_below * len(fit.weight):
             # a wrong plane would otherwise carry itself on
             other = self._refine(baseline, prior, None)
             if fit is None or (other is not None and other.noise < fit.noise):
@@ -175,7 +175,7 @@ class MapEstimator:
             fit.weight,
             fit.residual,
             fit.noise,
-            float(inlier.mean()),
-            float(np.hypot(*fit.residual.T).mean()),
+            np.count_nonzero(inlier) / len(inlier),
+            float(np.hypot(*fit.residual.T).sum()) / len(inlier),
             RotationError(fit.d, fit.covariance[5:, 5:], self._rotation_std) if baseline.derotated else None,
         )

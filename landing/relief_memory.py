@@ -20,14 +20,14 @@ class Cells:
     """The view divided into square cells that count alike, however many tracks they hold."""
 
     def __init__(self, camera: CameraModel, count: int) -> None:
-        self._last = (camera.width - 1, camera.height - 1)
+        self._last = np.array((camera.width - 1, camera.height - 1))
         self._side_px = math.sqrt(camera.width * camera.height / count)
         self._columns = math.ceil(camera.width / self._side_px)
         self._count = self._columns * math.ceil(camera.height / self._side_px)
 
     def of(self, pixel: NDArray[np.floating]) -> NDArray[np.int64]:
         """The cell (n,) of each pixel (n, 2)."""
-        place = (np.clip(pixel, 0, self._last) // self._side_px).astype(np.int64)
+        place = (np.minimum(np.maximum(pixel, 0), self._last) // self._side_px).astype(np.int64)
         return place[:, 1] * self._columns + place[:, 0]
 
     def marked(self, cell: NDArray[np.int64]) -> Marks:

@@ -169,8 +169,8 @@ class ReliefMap:
     def _gaps(self, views: Views, half: int) -> NDArray[np.intp]:
         """Half the plane's baseline, then the ages of the larger groups of younger tracks, falling."""
         tracker, o = views.tracker, self.options
-        ages, counts = np.unique(tracker.frame - tracker.born[tracker.alive], return_counts=True)
-        younger = ages[(ages >= 1) & (ages < half) & (counts >= o.relief_group_tracks)][::-1]
+        ages = np.bincount(np.minimum(tracker.frame - tracker.born[tracker.alive], half), minlength=half + 1)
+        younger = 1 + np.flatnonzero(ages[1:half] >= o.relief_group_tracks)[::-1]
         return np.concatenate(((half,), younger[: o.relief_groups])).astype(np.intp)
 
     def _standing(self, born: NDArray[np.int64], slots: NDArray[np.intp], h: Array, s: Array) -> int:

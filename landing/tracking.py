@@ -190,9 +190,10 @@ class FeatureTracker:
         )
         margin = o.window_px / 2
         limit = (self.camera.width - 1 - margin, self.camera.height - 1 - margin)
-        inside = ((found > margin) & (found < limit)).all(axis=1)
+        inside = (found > margin) & (found < limit)
+        inside = inside[:, 0] & inside[:, 1]
         both = status.ravel().astype(bool) & status_back.ravel().astype(bool)
-        good = both & (np.abs(back - start).max(axis=1) < o.forward_backward_max_px) & inside
+        good = both & (_larger(back - start) < o.forward_backward_max_px) & inside
         return np.asarray(found), good, np.asarray(inside)
 
     def _changed(self) -> bool:
@@ -203,14 +204,18 @@ class FeatureTracker:
             return True
         if self.frame - self._reference_frame >= o.renew_after_frames:
             return True
-        moved = np.abs(self.pixels[slots] - self._reference_px[slots]).max(axis=1)
+        moved = _larger(self.pixels[slots] - self._reference_px[slots])
         return float(np.partition(moved, len(moved) // 2)[len(moved) // 2]) > o.renew_after_cells * self._cell
 
     def _cells(self, pixels: NDArray[np.float32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Row and column of the grid's cell of each pixel (n, 2)."""
-        row = ((pixels[:, 1] - self._top) // self._cell).astype(np.int64).clip(0, self._rows - 1)
-        column = ((pixels[:, 0] - self._left) // self._cell).astype(np.int64).clip(0, self._cols - 1)
-        return row, column
+        row = ((pixels[:, 1] - self._top) // self._cell).astype(np.int64)
+        column = ((pixels[:, 0] - self._left) // self._cell).astype(np.int64)
+        # twice as fast as clip
+        return (
+            np.minimum(np.maximum(row, 0), self._rows - 1),
+            np.minimum(np.maximum(column, 0), self._cols - 1),
+        )
 
     def _blocks(self, pixels: NDArray[np.float32]) -> NDArray[np.int64]:
         """Column and row (n, 2) of the structure tensor's block that each pixel (n, 2) lies in."""
@@ -323,6 +328,12 @@ class FeatureTracker:
         twin = np.ones(len(slots), bool)
         twin[first] = False
         self.alive[slots[twin]] = False
+
+
+def _larger(way: NDArray[Any]) -> NDArray[Any]:
+    """The larger (n,) of the sizes of both components of (n, 2)."""
+    size = np.abs(way)
+    return np.maximum(size[:, 0], size[:, 1])
 
 
 def structure_tensor(image: Image) -> tuple[Image, Image, Image]:

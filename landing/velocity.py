@@ -16,7 +16,7 @@ from landing.views import Views
 
 Array = NDArray[np.float64]
 
-_PARTS = np.array((1, 2, 3)) / 3
+_PARTS = (1 / 3, 2 / 3, 1.0)
 """The gaps, as parts of the interval."""
 
 
@@ -74,7 +74,8 @@ def _guided(
 
 
 def _gaps(views: Views, span_s: float) -> NDArray[np.intp]:
-    return np.unique(np.maximum(1, np.rint(_PARTS * views.reach(span_s)).astype(np.intp)))
+    reach = views.reach(span_s)
+    return np.array(sorted({max(1, round(part * reach)) for part in _PARTS}), np.intp)
 
 
 def _moved(
