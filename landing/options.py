@@ -111,7 +111,7 @@ class EstimatorOptions:
     ] = 8.0
     guided_share_std: Annotated[
         float, Limits(0, 1, "", "relative error of what the vehicle's velocity says of it, one sigma")
-    ] = 0.1
+    ] = 0.2
     guided_velocity_std: Annotated[
         float, Limits(0, 2, "m/s", "error of the vehicle's velocity there, one sigma")
     ] = 0.06
