@@ -20,6 +20,9 @@ _LEAST_CHANGE = 0.02
 _ORDINARY = 2.0
 """Surprises larger than this, in sigma, count by their size only and not by its square (Huber)."""
 
+_FARTHEST = 10.0
+"""Farther away than this, in sigma of what is known at first, it is something else."""
+
 
 class Lateness:
     """Lateness beyond the one that is set: ``late_s`` and its standard deviation ``std_s``, a scalar Kalman filter."""
@@ -52,13 +55,14 @@ class Lateness:
         doubt = np.diag(precision) - precision[:, None] * found.covariance * precision
         weight = doubt @ per_second
         information = float(per_second @ weight)
-        if information <= 0:
-            return
         left = per_second * self.late_s - taken_out
         surprise = float(per_second @ (precision * found.mean)) - float(weight @ left)
+        if not (information > 0 and math.isfinite(surprise)):
+            return
         sigmas = abs(surprise) / math.sqrt(information + (information * self.std_s) ** 2)
         # baselines that overlap say the same again
         share = min(1.0, _ORDINARY / max(sigmas, 1e-9)) / plane.gap
         variance = 1.0 / (self.std_s**-2.0 + share * information)
-        self.late_s += variance * share * surprise
+        farthest = _FARTHEST * self._first_std_s
+        self.late_s = min(max(self.late_s + variance * share * surprise, -farthest), farthest)
         self.std_s = math.sqrt(variance)

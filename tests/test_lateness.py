@@ -112,6 +112,21 @@ def test_one_wrong_fit_moves_what_many_have_shown_by_little():
     assert abs(lateness.late_s - found) < 2 * std
 
 
+@pytest.mark.parametrize("error", [(math.nan, 0, 0), (math.inf, 0, 0)])
+def test_what_is_no_number_is_left_out(error):
+    lateness = Lateness(0.01, 0.0)
+    lateness.step(Seen(0.0), plane_of(error))
+    lateness.step(Seen(0.1, (math.nan, 0, 0)), plane_of((0, 0, 0)))
+    assert (lateness.late_s, lateness.std_s) == (0.0, 0.01)
+
+
+def test_it_does_not_run_away():
+    lateness = Lateness(0.01, 0.0)
+    for k in range(1000):
+        lateness.step(Seen(k / RATE_HZ), plane_of(Seen(0).change * 3.0))
+    assert lateness.late_s == pytest.approx(0.1)
+
+
 def test_doubt_grows_with_time_but_never_beyond_what_it_was_at_first():
     lateness = Lateness(0.01, 0.001)
     lateness.step(Seen(0.0), plane_of((0, 0, 0)))
