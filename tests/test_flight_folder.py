@@ -19,6 +19,7 @@ from drivers.flight_folder import FlightFolder
 from drivers.samples import Attitude, Frame, Refusal
 from drivers.video_file import VideoFile
 from landing.estimate import SurfaceEstimate
+from landing.lateness import Lateness
 
 EDITS = folder_edits.EDITS
 
@@ -27,7 +28,7 @@ class NoPipeline:
     """Stands in for the mathematics where only the way to it is of interest."""
 
     def __init__(self, *_):
-        pass
+        self.lateness = Lateness(0.0, 0.0)
 
     def step(self, observation):
         known = observation.ned_from_body is not None
