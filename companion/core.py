@@ -154,8 +154,7 @@ class Core:
         observation = observation_of(ready)
         self._watch_attitude(ready, out)
         estimate = self._pipeline.step(observation)
-        lateness = self._pipeline.lateness
-        self._sync.allow_for(lateness.late_s, lateness.std_s)
+        self._sync.allow_for(self._pipeline.time_offset.late_s, self._pipeline.time_offset.std_s)
         if self._watch_picture(observation, ready, out):
             estimate = SurfaceEstimate(frame.number, estimate.time_s, "camera_frozen", estimate.method)
         self._health.counters[f"estimates {estimate.status}"] += 1
@@ -190,16 +189,17 @@ class Core:
             out.append(event("camera_frozen" if frozen else "camera_moves", seen.frame, ready.exposure_us))
         return frozen
 
-    def _watch_lateness(self, out: list[Output]) -> None:
+    def _watch_time_offset(self, out: list[Output]) -> None:
         """Tell of a lateness that is surely there, and again when it has surely changed."""
-        late_s, std_s = self._pipeline.lateness.late_s, self._pipeline.lateness.std_s
+        late_s, std_s = self._pipeline.time_offset.late_s, self._pipeline.time_offset.std_s
         if abs(late_s - self._late_told_s) <= max(LATE_WORTH_TELLING_S, LATE_SIGMAS * std_s):
             return
         self._late_told_s = late_s
         set_s = self._sync.offset_us * 1e-6
+        right_s = round(set_s + late_s, 3) + 0.0
         text = (
             f"frames are {abs(late_s) * 1e3:.0f} ms {'later' if late_s > 0 else 'earlier'} than camera.time_offset_s = "
-            f"{set_s:g} s says; it is allowed for, set it to {set_s + late_s:.3f}"
+            f"{set_s:g} s says; it is allowed for, set it to {right_s:.3f}"
         )
         details = {"late_s": round(late_s, 6), "std_s": round(std_s, 6)}
         out.append(event("camera_late", self._frame_number, self._sync.raw_us(), text, details))
@@ -207,7 +207,7 @@ class Core:
     def _tell(self, notice: Notice, out: list[Output]) -> None:
         if notice.name == "autopilot_rebooted":
             self._judge.forget_autopilot()
-            self._pipeline.lateness.loosen()
+            self._pipeline.time_offset.loosen()
         out.append(event(notice.name, self._frame_number, self._sync.raw_us(), details=notice.details))
 
     def _tick(self, out: list[Output]) -> None:
@@ -235,10 +235,10 @@ class Core:
         self._stale = stale
         clocks = Clocks()
         if clock.settled:
-            lateness = self._pipeline.lateness
+            found = self._pipeline.time_offset
             offset_s = clock.offset_us(clock.boot_us(now_us)) * 1e-6
-            clocks = Clocks(offset_s, clock.std_s, lateness.late_s, lateness.std_s)
-            self._watch_lateness(out)
+            clocks = Clocks(offset_s, clock.std_s, found.late_s, found.std_s)
+            self._watch_time_offset(out)
         out.append(self._health.message(now_us, raw_us, clocks))
 
 

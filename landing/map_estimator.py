@@ -38,7 +38,6 @@ class MapEstimator:
         self._weight = np.ones(capacity)
         self._noise = 1.0
         self._d = np.zeros(3)
-        self._rotation_std = np.zeros(3)
 
     def step(self, views: Views) -> Plane:
         """The plane at the newest frame."""
@@ -101,7 +100,6 @@ class MapEstimator:
             std = np.hypot(std, baseline.rotation_std_rad)
         else:
             std = np.full(3, o.unmeasured_rotation_std_rad)
-        self._rotation_std = std
         prior = FitPrior(std, o.slope_std, noise_floor=o.noise_floor, noise_cap=o.noise_cap)
         tracks = baseline.tracks
         fit = None
@@ -177,5 +175,7 @@ class MapEstimator:
             fit.noise,
             np.count_nonzero(inlier) / len(inlier),
             float(np.hypot(*fit.residual.T).sum()) / len(inlier),
-            RotationError(fit.d, fit.covariance[5:, 5:], self._rotation_std) if baseline.derotated else None,
+            RotationError(fit.d, fit.covariance[5:, 5:], fit.prior.rotation_std)
+            if baseline.derotated
+            else None,
         )

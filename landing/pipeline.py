@@ -14,7 +14,6 @@ from landing.decision import against_flat
 from landing.errors import LandingError
 from landing.estimate import SurfaceEstimate, TrackView
 from landing.height import height
-from landing.lateness import Lateness
 from landing.map_estimator import MapEstimator
 from landing.observation import Observation
 from landing.options import EstimatorOptions, Options
@@ -23,6 +22,7 @@ from landing.quadratic import QuadraticEstimator
 from landing.rotations import euler_from_matrix
 from landing.roughness import Relief, ReliefMap
 from landing.surface import surface
+from landing.time_offset import TimeOffsetFilter
 from landing.views import Views
 
 Array = NDArray[np.float64]
@@ -55,7 +55,9 @@ class SurfacePipeline:
         tracking = options.tracking
         self.relief = ReliefMap(options.estimator, camera, tracking.max_features, tracking.window_px / 2)
         self.border = Border(options.estimator, camera)
-        self.lateness = Lateness(options.estimator.time_offset_std_s, options.estimator.time_offset_drift)
+        self.time_offset = TimeOffsetFilter(
+            options.estimator.time_offset_std_s, options.estimator.time_offset_drift
+        )
         self._motion: tuple[Array, Array] | None = None
         self._last_s = -math.inf
 
@@ -76,7 +78,7 @@ class SurfacePipeline:
         self.relief.memory.move(prediction)
         self._last_s = observation.time_s
         plane = self.estimator.step(self.views)
-        self.lateness.step(self.views, plane)
+        self.time_offset.step(self.views, plane)
         self._motion = None
         if plane.status == "ok" and math.isfinite(plane.divergence):
             self._motion = plane.omega, plane.normal

@@ -55,7 +55,8 @@ class PlaneFit:
     """Displacement over height t (3,), slope tangents a and b, rotation error d (3,), and their covariance (8, 8).
 
     ``residual`` is (n, 2), observed minus predicted in the old frame, normalised; ``weight`` (n,) in 0 to 1;
-    ``noise`` the scale of the inliers' whitened residuals per coordinate; ``old_from_new`` (3, 3) with d applied.
+    ``noise`` the scale of the inliers' whitened residuals per coordinate; ``old_from_new`` (3, 3) with d applied;
+    ``prior`` what the fit was told before.
     """
 
     t: Array
@@ -68,6 +69,7 @@ class PlaneFit:
     noise: float
     old_from_new: Array
     converged: bool
+    prior: FitPrior
 
     @property
     def normal(self) -> Array:
@@ -150,6 +152,7 @@ def fit_plane(
         noise,
         old_from_new @ exp_so3(x[5:]),
         converged,
+        prior,
     )
 
 

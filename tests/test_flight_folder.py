@@ -19,7 +19,7 @@ from drivers.flight_folder import FlightFolder
 from drivers.samples import Attitude, Frame, Refusal
 from drivers.video_file import VideoFile
 from landing.estimate import SurfaceEstimate
-from landing.lateness import Lateness
+from landing.time_offset import TimeOffsetFilter
 
 EDITS = folder_edits.EDITS
 
@@ -28,7 +28,7 @@ class NoPipeline:
     """Stands in for the mathematics where only the way to it is of interest."""
 
     def __init__(self, *_):
-        self.lateness = Lateness(0.0, 0.0)
+        self.time_offset = TimeOffsetFilter(0.0, 0.0)
 
     def step(self, observation):
         known = observation.ned_from_body is not None

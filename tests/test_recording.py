@@ -129,8 +129,8 @@ def test_a_recorded_flight_replays_like_the_flight_itself(tmp_path, replay_cache
             if given % 500 == 0:
                 # eight seconds of packets at once are more than the recorder keeps for a slow disk
                 wait_for(
-                    lambda: recording.counters.get("recorder packets", 0) >= given, "the packets on the disk"
-                )  # noqa: B023
+                    lambda n=given: recording.counters.get("recorder packets", 0) >= n, "packets on disk"
+                )
     for sample in flight.samples():
         if isinstance(sample, Frame) and sample.stamp_us < end_us:
             recording.samples([sample])

@@ -1,11 +1,14 @@
 """Recorded flights under nuisances: errors within their stated sigma or a small bound, nothing unsafe called flat."""
 
+from dataclasses import replace
+
 import nuisances
 import numpy as np
 import pytest
 
 from companion.core import Core
 from companion.messages import Event, Health
+from drivers.samples import Attitude
 
 SIGMAS = 3.0
 BOUND_DEG = 1.0
@@ -59,6 +62,22 @@ def test_late_stamps_are_told_of_once():
     health = [o for o in out if isinstance(o, Health)][-1]
     assert health.camera_late_s == pytest.approx(0.02, abs=4 * health.camera_late_std_s)
     assert health.camera_late_std_s < 0.002
+
+
+def test_after_a_reboot_of_the_autopilot_the_time_offset_is_a_guess_again():
+    source, samples = nuisances.cut("agile")
+    half = len(samples) // 2
+    # its boot time starts again at three seconds
+    shift_us = next(s.boot_us for s in samples[half:] if isinstance(s, Attitude)) - 3_000_000
+    again = [replace(s, boot_us=s.boot_us - shift_us) if hasattr(s, "boot_us") else s for s in samples[half:]]
+    core = Core(source.settings, source.camera, calibrated=True, telemetry=True)
+    std_s = []
+    for sample in (*samples[:half], *again):
+        std_s.append(core._pipeline.time_offset.std_s)
+        if any(isinstance(o, Event) and o.event == "autopilot_rebooted" for o in core.feed(sample)):
+            break
+    assert std_s[-1] < 0.002
+    assert core._pipeline.time_offset.std_s == source.settings.estimator.time_offset_std_s
 
 
 def test_the_nuisances_are_felt():

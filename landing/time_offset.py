@@ -1,4 +1,4 @@
-"""How late the frames' stamps are, found along the way where the vehicle turns.
+"""The time offset of the camera, how late its frames' stamps are, found along the way where the vehicle turns.
 
 A frame stamped late by s was seen s before. Over a baseline the measured rotation old_from_new then is wrong by what
 the camera turned in that time at both ends, d = (old_from_new^T w_old - w_new) s in the newest camera's axes, w the
@@ -24,8 +24,8 @@ _FARTHEST = 10.0
 """Farther away than this, in sigma of what is known at first, it is something else."""
 
 
-class Lateness:
-    """Lateness beyond the one that is set: ``late_s`` and its standard deviation ``std_s``, a scalar Kalman filter."""
+class TimeOffsetFilter:
+    """A scalar Kalman filter: lateness ``late_s`` beyond the offset that is set, its standard deviation ``std_s``."""
 
     def __init__(self, std_s: float, drift: float) -> None:
         self.late_s, self.std_s = 0.0, std_s

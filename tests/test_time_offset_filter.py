@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import synthetic_flow
 
-from landing.lateness import Lateness
 from landing.map_estimator import MapEstimator
 from landing.options import EstimatorOptions
 from landing.plane import Plane, RotationError
 from landing.rotations import log_so3, matrix_from_euler
+from landing.time_offset import TimeOffsetFilter
 
 RATE_HZ = 30.0
 OPTIONS = EstimatorOptions()
@@ -38,34 +38,36 @@ def flown(motion, late_s: float, frames: int = 60, std_s: float = STD_S):
     points = synthetic_flow.ground(rng, 0.0, 0.0, 2.0, 6.0, 600)
     flight = synthetic_flow.Flight(points, rng)
     estimator = MapEstimator(OPTIONS, flight.camera.focal_px, len(points))
-    lateness = Lateness(std_s, DRIFT)
+    found = TimeOffsetFilter(std_s, DRIFT)
     planes = []
     for k in range(frames):
         stamp_s = k / RATE_HZ
-        told, rate = motion(stamp_s - lateness.late_s)
+        told, rate = motion(stamp_s - found.late_s)
         true, _ = motion(stamp_s - late_s)
         position = np.array((0.6 * (stamp_s - late_s), 0.0, 0.0))
-        late = lateness.late_s
+        late = found.late_s
         flight.step(stamp_s, position, true, told, body_rate=rate, late_s=late)
         planes.append(estimator.step(flight.views))
-        lateness.step(flight.views, planes[-1])
-    return lateness, flight.views, planes
+        found.step(flight.views, planes[-1])
+    return found, flight.views, planes
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.015, -0.02, 0.05])
 def test_a_vehicle_that_swings_shows_how_late_its_frames_are(late_s: float):
-    lateness, _, planes = flown(swinging, late_s)
-    assert lateness.late_s == pytest.approx(late_s, abs=max(4 * lateness.std_s, 1e-4))
-    assert lateness.std_s < 0.002
-    # level ground, and the attitude of the last frames is the right one
-    assert abs(planes[-1].a) < 0.2
+    found, views, planes = flown(swinging, late_s)
+    assert found.late_s == pytest.approx(late_s, abs=max(4 * found.std_s, 1e-4))
+    assert found.std_s < 0.002
     assert planes[-1].status == "ok"
+    # and the attitude that the last frame is given is the one it was taken in
+    newest = views.newest
+    true = swinging(newest.time_s - late_s)[0] @ views.camera.body_from_camera
+    assert np.linalg.norm(log_so3(true.T @ newest.ned_from_camera)) < 1e-3
 
 
 def test_what_is_found_puts_earlier_attitudes_right():
     """The first frames were taken with an attitude that was up to 14 mrad off."""
-    lateness, views, _ = flown(swinging, 0.03, frames=24)
-    assert abs(lateness.late_s - 0.03) < 0.003
+    found, views, _ = flown(swinging, 0.03, frames=24)
+    assert abs(found.late_s - 0.03) < 0.003
     mount = views.camera.body_from_camera
     for gap in (5, 12, 18, 23):
         new, old = (swinging(views.view(k).time_s - 0.03)[0] @ mount for k in (0, gap))
@@ -75,14 +77,14 @@ def test_what_is_found_puts_earlier_attitudes_right():
 
 
 def test_a_steady_turn_tells_nothing():
-    lateness, _, _ = flown(turning, 0.02)
-    assert lateness.late_s == pytest.approx(0, abs=1e-3)
-    assert lateness.std_s > 0.9 * STD_S
+    found, _, _ = flown(turning, 0.02)
+    assert found.late_s == pytest.approx(0, abs=1e-3)
+    assert found.std_s > 0.9 * STD_S
 
 
 def test_a_lateness_that_is_known_is_left_alone():
-    lateness, _, _ = flown(swinging, 0.0, std_s=0.0)
-    assert (lateness.late_s, lateness.std_s) == (0.0, 0.0)
+    found, _, _ = flown(swinging, 0.0, std_s=0.0)
+    assert (found.late_s, found.std_s) == (0.0, 0.0)
 
 
 class Seen:
@@ -103,41 +105,41 @@ def plane_of(error, std: float = 1e-4):
 
 
 def test_one_wrong_fit_moves_what_many_have_shown_by_little():
-    lateness = Lateness(0.01, 0.0)
+    found = TimeOffsetFilter(0.01, 0.0)
     for k in range(100):
-        lateness.step(Seen(k / RATE_HZ), plane_of(Seen(0).change * 0.005))
-    found, std = lateness.late_s, lateness.std_s
-    assert found == pytest.approx(0.005, rel=0.05)
-    lateness.step(Seen(100 / RATE_HZ), plane_of(Seen(0).change * 0.2))
-    assert abs(lateness.late_s - found) < 2 * std
+        found.step(Seen(k / RATE_HZ), plane_of(Seen(0).change * 0.005))
+    late_s, std_s = found.late_s, found.std_s
+    assert late_s == pytest.approx(0.005, rel=0.05)
+    found.step(Seen(100 / RATE_HZ), plane_of(Seen(0).change * 0.2))
+    assert 0 < found.late_s - late_s < 2 * std_s
 
 
 @pytest.mark.parametrize("error", [(math.nan, 0, 0), (math.inf, 0, 0)])
 def test_what_is_no_number_is_left_out(error):
-    lateness = Lateness(0.01, 0.0)
-    lateness.step(Seen(0.0), plane_of(error))
-    lateness.step(Seen(0.1, (math.nan, 0, 0)), plane_of((0, 0, 0)))
-    assert (lateness.late_s, lateness.std_s) == (0.0, 0.01)
+    found = TimeOffsetFilter(0.01, 0.0)
+    found.step(Seen(0.0), plane_of(error))
+    found.step(Seen(0.1, (math.nan, 0, 0)), plane_of((0, 0, 0)))
+    assert (found.late_s, found.std_s) == (0.0, 0.01)
 
 
 def test_it_does_not_run_away():
-    lateness = Lateness(0.01, 0.0)
+    found = TimeOffsetFilter(0.01, 0.0)
     for k in range(1000):
-        lateness.step(Seen(k / RATE_HZ), plane_of(Seen(0).change * 3.0))
-    assert lateness.late_s == pytest.approx(0.1)
+        found.step(Seen(k / RATE_HZ), plane_of(Seen(0).change * 3.0))
+    assert found.late_s == pytest.approx(0.1)
 
 
 def test_doubt_grows_with_time_but_never_beyond_what_it_was_at_first():
-    lateness = Lateness(0.01, 0.001)
-    lateness.step(Seen(0.0), plane_of((0, 0, 0)))
-    lateness.std_s = 0.001
-    lateness.step(Seen(3.0), Plane("too_few_tracks"))
-    assert lateness.std_s == pytest.approx(0.002)
-    lateness.step(Seen(1000.0), Plane("too_few_tracks"))
-    assert lateness.std_s == 0.01
-    lateness.std_s = 0.001
-    lateness.loosen()
-    assert lateness.std_s == 0.01
+    found = TimeOffsetFilter(0.01, 0.001)
+    found.step(Seen(0.0), plane_of((0, 0, 0)))
+    found.std_s = 0.001
+    found.step(Seen(3.0), Plane("too_few_tracks"))
+    assert found.std_s == pytest.approx(0.002)
+    found.step(Seen(1000.0), Plane("too_few_tracks"))
+    assert found.std_s == 0.01
+    found.std_s = 0.001
+    found.loosen()
+    assert found.std_s == 0.01
 
 
 def test_the_error_of_a_rotation_is_the_turn_at_both_ends():
