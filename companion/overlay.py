@@ -53,7 +53,7 @@ def draw(image: Image, estimate: SurfaceEstimate, camera: CameraModel, scene: Sc
     if estimate.status == "ok":
         _draw_surface(picture, estimate, camera, scale, COLOURS[verdict])
         _draw_side_view(picture, estimate, COLOURS[verdict])
-    _draw_banner(picture, verdict, scene)
+    _draw_banner(picture, verdict, scene, reasons(estimate, scene.decision))
     _draw_figures(picture, estimate, scene)
     return picture
 
@@ -206,19 +206,23 @@ def _draw_side_view(picture: Image, estimate: SurfaceEstimate, colour: Colour) -
     _text(picture, f"{estimate.inclination_deg:.0f}°", (x0, y0 - int(2.1 * unit)), 0.002 * height, WHITE)
 
 
-def _draw_banner(picture: Image, verdict: str, scene: Scene) -> None:
+def reasons(estimate: SurfaceEstimate, decision: Decision | None) -> tuple[str, ...]:
+    """What stands against landing: in this frame, or else in the decision, which may be some frames old."""
+    if decision is None:
+        return ()
+    return estimate.against_flat if decision.reasons and estimate.against_flat else decision.reasons
+
+
+def _draw_banner(picture: Image, verdict: str, scene: Scene, against: tuple[str, ...]) -> None:
     height, width = picture.shape[:2]
     bar = height // 11
     cv2.rectangle(picture, (0, 0), (width, bar), COLOURS[verdict], -1)
     _text(picture, WORDS[verdict], (bar // 3, int(0.72 * bar)), 0.0016 * height, WHITE, 3)
-    reasons = (
-        "; ".join(reason.partition(",")[0] for reason in scene.decision.reasons) if scene.decision else ""
-    )
-    if reasons:
+    if against:
         left = bar // 3 + int(0.028 * height * len(WORDS[verdict])) + bar // 2
         _text(
             picture,
-            _fitting(reasons, width - left, 0.001 * height),
+            _fitting("; ".join(reason.partition(",")[0] for reason in against), width - left, 0.001 * height),
             (left, int(0.68 * bar)),
             0.001 * height,
             WHITE,

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 VERDICT_COLOURS = {"fit": "#2e9e4f", "unfit": "#d1493f", "unknown": "#b8bcc2"}
 VERDICT_WORDS = {"fit": "fit for landing", "unfit": "not fit", "unknown": "unknown"}
+LETTER_SHARE = 0.0078
+"""Width of a letter of the verdict over that of the picture, with a margin."""
 TIME_TO_CONTACT_SHOWN_S = 60.0
 INCLINATION_SHOWN_DEG = 60.0
 BAND_SIGMAS = 2.0
@@ -66,9 +68,10 @@ def plot(name: str, history: History, limits: DecisionOptions, path: Path) -> No
 def _draw_verdict(axis: "Axes", history: History, times: np.ndarray) -> None:
     for start, end, verdict in _spans(history, times):
         axis.axvspan(start, end, color=VERDICT_COLOURS[verdict], lw=0)
-        if end - start > 0.07 * history.duration_s:
+        words = VERDICT_WORDS[verdict]
+        if end - start > len(words) * LETTER_SHARE * history.duration_s:
             axis.text(
-                (start + end) / 2, 0.5, VERDICT_WORDS[verdict], ha="center", va="center", color="white",
+                (start + end) / 2, 0.5, words, ha="center", va="center", color="white",
                 fontsize=10, fontweight="bold",
             )  # fmt: skip
     axis.set_yticks([])

@@ -1,14 +1,16 @@
 """The overlay: any estimate can be drawn, and what is drawn lies where the camera sees it."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace as replace_struct
 
 from companion.messages import Decision
-from companion.overlay import COLOURS, OverlayWriter, Scene, draw
+from companion.overlay import COLOURS, OverlayWriter, Scene, draw, reasons
 from landing.camera import CameraModel
 from landing.estimate import SurfaceEstimate, TrackView
 
@@ -28,6 +30,17 @@ def decision(verdict: str) -> Decision:
         requested=False,
         command="none",
     )
+
+
+def test_the_reasons_are_those_of_the_frame_where_it_has_any():
+    even = SurfaceEstimate(0, 0.0, "ok", "map")
+    steep = replace(even, against_flat=("too steep: 31.6 degrees, limit 10.0",))
+    old = decision("unfit")
+    assert reasons(steep, old) == steep.against_flat
+    assert reasons(even, old) == old.reasons
+    # a frame above the limit within the hysteresis does not unmake a fit surface
+    assert reasons(steep, replace_struct(old, verdict="fit", reasons=())) == ()
+    assert reasons(steep, None) == ()
 
 
 def tracks(points: np.ndarray, inlier: np.ndarray) -> TrackView:
