@@ -2,9 +2,9 @@
 
 import argparse
 import importlib
-import os
 import sys
 
+from companion.closed_pipe import discard_output
 from companion.errors import LandslopeError
 from drivers.errors import DriverError
 from landing.errors import LandingError
@@ -78,8 +78,7 @@ def main(argv: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:
-        # Whoever read the output has gone; the interpreter must not try to flush the rest at its end.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        discard_output()
         return 141
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from companion.closed_pipe import discard_output
 from companion.publisher import endpoints
 from companion.settings_file import load
 from drivers.bus import Delivery, Subscription
@@ -90,7 +91,7 @@ def _lines(subscription: Subscription) -> int:
             try:
                 print(line_of(delivery), flush=True)
             except BrokenPipeError:
-                sys.stderr.close()  # whoever read us has gone; nothing is left to say
+                discard_output()
                 return 0
 
 

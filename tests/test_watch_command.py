@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 
+import pytest
 from bus_support import PATIENCE_S, Watcher, alive, free_endpoint
 from rich.console import Console
 
@@ -104,12 +105,15 @@ def test_one_vehicle_can_be_chosen():
         assert {m["vehicle"] for m in watcher.seen} == {"two"}
 
 
-def test_a_pipe_that_is_closed_ends_the_watcher_quietly():
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_pipe_that_is_closed_ends_the_watcher_quietly(unbuffered: str):
+    """Also when Python keeps what could not be written for its next flush, as it does unless told otherwise."""
     endpoint = free_endpoint()
     process = subprocess.Popen(
         [sys.executable, "-m", "companion.cli", "watch", "--listen", endpoint],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
+        env=os.environ | {"PYTHONUNBUFFERED": unbuffered},
     )
     assert process.stdout is not None
     assert process.stderr is not None
