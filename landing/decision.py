@@ -57,6 +57,10 @@ def against_flat(estimate: SurfaceEstimate, options: DecisionOptions, widen: flo
             )
     if estimate.standing > o.max_standing:
         reasons.append(f"too rough: {estimate.standing} points stand out, limit {o.max_standing}")
+    if estimate.unlike:
+        reasons.append(
+            "probably another surface: what comes into view is unlike the rest and not measured yet"
+        )
     if not estimate.coverage >= o.min_coverage:
         reasons.append(
             f"too little of the surface seen: {estimate.coverage:.2f}, at least {o.min_coverage:.2f}"

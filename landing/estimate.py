@@ -58,6 +58,8 @@ class SurfaceEstimate:
     fit_error_px: float = NAN
     coverage: float = NAN
     standing: int = 0
+    unlike: bool = False
+    """What has just come into view looks unlike the rest and is not measured yet."""
     flat: bool = False
     against_flat: tuple[str, ...] = ()
     tracks: TrackView | None = field(default=None, compare=False)

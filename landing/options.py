@@ -75,7 +75,11 @@ class EstimatorOptions:
     use_attitude: Annotated[bool, "take the vehicle's attitude out of the slopes"] = True
     attitude_std_deg: Annotated[
         float, Limits(0, 10, "deg", "error of the autopilot's roll and pitch, one sigma")
-    ] = 0.18
+    ] = 0.13
+    attitude_scale_std: Annotated[
+        float,
+        Limits(0, 0.2, "", "the same as a share of the vehicle's tilt, which an autopilot knows less well"),
+    ] = 0.01
     min_tracks: Annotated[int, Limits(12, 500, "", "fewest tracks for an estimate")] = 24
     min_coverage: Annotated[float, Limits(0, 1, "", "smallest share of the image with tracks")] = 0.2
     min_roughness_tracks: Annotated[int, Limits(8, 500, "", "fewest tracks for a roughness")] = 20
@@ -160,14 +164,24 @@ class EstimatorOptions:
     border_flow_px: Annotated[
         float, Limits(0.5, 20, "px", "motion over which the border of the view is looked at")
     ] = 2.5
-    border_height: Annotated[
-        float, Limits(0.005, 1, "", "height over the distance that stands out at the border")
-    ] = 0.08
-    border_sigmas: Annotated[float, Limits(1, 20, "sigma", "the same in its own uncertainty")] = 7.5
+    border_sigmas: Annotated[
+        float, Limits(1, 20, "sigma", "height at the border that stands out, in its own uncertainty")
+    ] = 7.0
     border_noise: Annotated[
         float, Limits(0.5, 10, "", "error of a block's height over what its pixels say")
-    ] = 1.8
-    border_locking_px: Annotated[float, Limits(0, 1, "px", "error of a strip's shift")] = 0.035
+    ] = 0.9
+    border_locking_px: Annotated[
+        float, Limits(0, 1, "px", "error of a block's shift that no texture helps against")
+    ] = 0.1
+    border_unlike: Annotated[
+        float,
+        Limits(
+            0.05, 10, "", "logarithm of the brightness ratio from which new ground may be another surface"
+        ),
+    ] = 0.25
+    border_unlike_sigmas: Annotated[
+        float, Limits(1, 20, "sigma", "the same over how much it usually changes there")
+    ] = 4.0
     gross_sigmas: Annotated[
         float, Limits(1, 20, "sigma", "residual across the motion that unmasks an error")
     ] = 4.0

@@ -23,6 +23,7 @@ from landing.rotations import euler_from_matrix
 from landing.roughness import Relief, ReliefMap
 from landing.surface import surface
 from landing.time_offset import TimeOffsetFilter
+from landing.unlike import Unlike
 from landing.views import Views
 
 Array = NDArray[np.float64]
@@ -55,6 +56,7 @@ class SurfacePipeline:
         tracking = options.tracking
         self.relief = ReliefMap(options.estimator, camera, tracking.max_features, tracking.window_px / 2)
         self.border = Border(options.estimator, camera)
+        self.unlike = Unlike(options.estimator, camera)
         self.time_offset = TimeOffsetFilter(
             options.estimator.time_offset_std_s, options.estimator.time_offset_drift
         )
@@ -108,8 +110,12 @@ class SurfacePipeline:
         if observation.ned_from_body is not None:
             roll, pitch, _ = euler_from_matrix(observation.ned_from_body)
         relief_ = self.relief.step(self.views, plane)
+        unlike = self.unlike.step(observation.image)
         if relief_ and relief_.roughness <= self.options.decision.max_roughness:
             relief_ = self._with_border(relief_, plane)
+            unlike &= self.border.incoming
+        else:
+            unlike = set()
         known: dict[str, Any] = {}
         if math.isfinite(plane.divergence):
             known = {
@@ -132,6 +138,7 @@ class SurfacePipeline:
             features=int(np.count_nonzero(self.views.tracker.alive)),
             coverage=coverage,
             standing=relief_.standing if relief_ and status == "ok" else 0,
+            unlike=bool(unlike),
             tracks=self._track_view(plane, relief_),
             **known,
         )
@@ -143,7 +150,8 @@ class SurfacePipeline:
         standing = self.border.step(self.views, plane)
         if standing is None:
             return relief_
-        self.relief.memory.add(standing.pixels, standing.height)
+        if standing.lasting:
+            self.relief.memory.add(standing.pixels, standing.height)
         return replace(relief_, roughness=math.sqrt(relief_.roughness**2 + standing.mean_square))
 
     def _surface(self, observation: Observation, plane: Plane, roll: float, pitch: float) -> dict[str, float]:
@@ -161,7 +169,7 @@ class SurfacePipeline:
             self.camera.body_from_camera,
             roll if o.use_attitude else 0.0,
             pitch if o.use_attitude else 0.0,
-            math.hypot(math.radians(o.attitude_std_deg), observation.tilt_std_rad),
+            self._attitude_std(observation),
         )
         height_m, height_std_m = self._height(observation, plane)
         return {
@@ -179,6 +187,15 @@ class SurfacePipeline:
             "inlier_fraction": plane.inlier_fraction,
             "fit_error_px": plane.fit_error * self.camera.focal_px,
         }
+
+    def _attitude_std(self, observation: Observation) -> float:
+        """Standard deviation (rad, per axis) of the vehicle's roll and pitch."""
+        o, tilt = self.options.estimator, 0.0
+        if observation.ned_from_body is not None:
+            tilt = math.acos(max(-1.0, min(1.0, float(observation.ned_from_body[2, 2]))))
+        return math.hypot(
+            math.radians(o.attitude_std_deg), o.attitude_scale_std * tilt, observation.tilt_std_rad
+        )
 
     def _height(self, observation: Observation, plane: Plane) -> tuple[float, float]:
         ned_from_camera = self.views.newest.ned_from_camera

@@ -52,8 +52,10 @@ def surface_in_ned(
     cos2 = max(down[2] ** 2, 1e-6)
     var_along = float(along @ tilt @ along) / cos2 + var_attitude
     var_across = float(across @ tilt @ across) + var_attitude
-    # E[(|s + e| - s)^2] between the two limits: s = 0 gives both variances, large s the one along the slope
-    share = var_across / (var_across + horizontal**2) if var_across > 0 else 0.0
+    # E[(|s + e| - s)^2] between the two limits: s = 0 gives both variances, large s the one along the slope. What is
+    # measured is |s + e|: near level it is mostly error, and no evidence of a slope.
+    slope2 = max(horizontal**2 - var_along - var_across, 0.0)
+    share = (var_across / (var_across + slope2)) ** 2 if var_across > 0 else 0.0
     std = math.sqrt(var_along + share * var_across)
     return math.degrees(inclination), math.degrees(std), math.degrees(math.atan2(-down[1], -down[0])) % 360
 

@@ -50,7 +50,7 @@ class FeatureTracker:
 
     HISTORY = 100
     """Frames whose positions are kept."""
-    IMAGES = 5
+    IMAGES = 9
     """Frames whose pictures are kept."""
 
     def __init__(self, camera: CameraModel, options: TrackingOptions) -> None:

@@ -1,10 +1,9 @@
 """Relief that has just come into view: seen at the border before any track has a history there."""
 
-import cv2
 import numpy as np
 import pytest
+from border_support import CAMERA, HEIGHT, RATE_HZ, RELIEF, TURNS, WIDTH, pictures
 
-from drivers.simulated.textures import texture
 from landing.border import Border, Standing
 from landing.camera import CameraModel
 from landing.observation import Observation
@@ -13,33 +12,6 @@ from landing.pipeline import SurfacePipeline
 from landing.plane import Plane
 from landing.roughness import Relief
 from landing.views import Views
-
-RATE_HZ, WIDTH, HEIGHT, STEP_PX = 30.0, 240, 180, 4
-CAMERA = CameraModel.from_focal(WIDTH, HEIGHT, 200.0)
-FRAMES, RELIEF = 40, 0.25
-TURNS = {"right": 0, "bottom": 1, "left": 2, "top": 3}
-"""Quarters of a turn that bring the ground in at each side."""
-
-
-def pictures(comes: int | None, turns: int) -> list[np.ndarray]:
-    """Level ground that passes by; from frame ``comes`` on, something a quarter higher follows at the side."""
-    rng = np.random.default_rng(1)
-    height, width = (WIDTH, HEIGHT) if turns % 2 else (HEIGHT, WIDTH)
-    ground, top = (
-        cv2.GaussianBlur(texture("noise", k, 1024), (0, 0), 1.5).astype(np.float32) for k in (1, 2)
-    )
-    out = []
-    for k in range(FRAMES):
-        image = ground[100 : 100 + height, k * STEP_PX : k * STEP_PX + width].copy()
-        if comes is not None and k > comes:
-            # nearer by a quarter, so faster by a quarter
-            way = (k - comes) * STEP_PX * (1 + RELIEF)
-            moved = cv2.warpAffine(top, np.array(((1.0, 0, width - way), (0, 1.0, -300))), (width, height))
-            edge = max(0, round(width - way))
-            image[height // 4 : -height // 4, edge:] = moved[height // 4 : -height // 4, edge:]
-        noisy = np.rot90(image, -turns) + rng.normal(0, 1.5, (HEIGHT, WIDTH))
-        out.append(np.clip(np.rint(noisy), 0, 255).astype(np.uint8))
-    return out
 
 
 def watched(comes: int | None, turns: int = 0) -> list[Standing | None]:
@@ -67,6 +39,7 @@ def test_what_comes_in_is_seen_at_once(side: str):
     standing = found[first]
     assert standing is not None
     assert standing.height == pytest.approx(RELIEF, abs=0.12)
+    assert not standing.lasting
     assert standing.mean_square > Options().decision.max_roughness ** 2
     axis, place = {"right": (0, WIDTH), "left": (0, 0), "bottom": (1, HEIGHT), "top": (1, 0)}[side]
     assert np.abs(standing.pixels[:, axis] - place).max() < 20
@@ -80,7 +53,7 @@ def test_what_was_seen_at_the_border_makes_the_view_rough_until_tracks_have_judg
     monkeypatch: pytest.MonkeyPatch,
 ):
     seen = 20
-    standing = Standing(np.array(((WIDTH - 2.0, 60.0), (WIDTH - 2.0, 80.0))), 0.2, 0.02**2)
+    standing = Standing(3, np.array(((WIDTH - 2.0, 60.0), (WIDTH - 2.0, 80.0))), 0.2, 0.02**2, lasting=True)
     monkeypatch.setattr(
         Border, "step", lambda _, views, plane: standing if views.tracker.frame == seen else None
     )
@@ -91,6 +64,24 @@ def test_what_was_seen_at_the_border_makes_the_view_rough_until_tracks_have_judg
     assert min(rough[seen : seen + 2]) > 0.015
     # the ground there is even after all
     assert max(rough[seen + 15 :]) < 0.01
+
+
+def test_what_stands_out_in_one_frame_alone_is_not_remembered(monkeypatch: pytest.MonkeyPatch):
+    seen = 20
+    standing = Standing(3, np.array(((WIDTH - 2.0, 60.0), (WIDTH - 2.0, 80.0))), 0.2, 0.02**2)
+    monkeypatch.setattr(
+        Border, "step", lambda _, views, plane: standing if views.tracker.frame == seen else None
+    )
+    pipeline, flat = SurfacePipeline(CAMERA, Options()), []
+    for k, image in enumerate(pictures(None, 0)[: seen + 3]):
+        flat.append(pipeline.step(Observation(k, k / RATE_HZ, image, np.eye(3), 1e-5)).flat)
+    assert flat[-4:] == [True, False, True, True]
+
+
+def test_blocks_that_scatter_ask_for_more(monkeypatch: pytest.MonkeyPatch):
+    """Where blocks beside each other contradict one another, as in badly compressed pictures, none stands out."""
+    monkeypatch.setattr(Border, "_learn", lambda border, strip: setattr(border, "_scatter", 50.0))
+    assert not any(watched(25))
 
 
 @pytest.mark.parametrize(("width", "height"), [(240, 60), (60, 180), (240, 18)])

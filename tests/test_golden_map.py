@@ -11,8 +11,6 @@ SLOPE_DEG = {"fine": (0.12, 0.40), "hard": (0.2, 0.9)}
 INCLINATION_DEG = {"fine": (0.25, 0.6), "hard": (0.3, 1.0)}
 COVERAGE = 0.95
 MISSED_SHARE = 0.05
-FALSELY_FLAT_SHARE = 0.02
-"""A step at the very border of the view cannot be told before it has moved some pixels."""
 FLOW = (0.01, 0.042)
 CONTACT_MEDIAN = 0.03
 
@@ -38,7 +36,7 @@ def test_slope_and_inclination_are_as_good_as_they_say(flown: tuple[str, Replaye
     over = figures.inclination_over_std
     assert over.median is not None
     assert over.p95 is not None
-    assert 0.3 <= over.median <= 0.95
+    assert 0.5 <= over.median <= 0.9
     assert over.p95 <= 2.5
     assert figures.coverage >= COVERAGE
 
@@ -54,16 +52,15 @@ def test_the_motion_holds_at_the_newest_frame(flown: tuple[str, Replayed, Score]
         assert figures.time_to_contact.median <= CONTACT_MEDIAN
 
 
-def test_what_is_unsafe_is_hardly_ever_called_flat_and_what_is_landable_is_seldom_missed(
+def test_what_is_unsafe_is_never_called_flat_and_what_is_landable_is_seldom_missed(
     flown: tuple[str, Replayed, Score],
 ):
     _, _, figures = flown
-    unsafe = figures.unsafe_said_flat + figures.unsafe_refused
     landable = figures.landable_said_flat + figures.landable_missed
-    assert figures.unsafe_said_flat <= FALSELY_FLAT_SHARE * unsafe
+    assert figures.unsafe_said_flat == 0
     assert figures.landable_missed <= MISSED_SHARE * landable
     if figures.roughness_auc is not None:
-        assert figures.roughness_auc >= 0.96
+        assert figures.roughness_auc >= 0.99
 
 
 def test_unknown_is_said_with_a_reason(flown: tuple[str, Replayed, Score]):
