@@ -104,18 +104,18 @@ class EstimatorOptions:
     acceleration_std: Annotated[float, Limits(0.01, 100, "1/s^2", "usual acceleration over height")] = 2.0
     guided_span_s: Annotated[
         float, Limits(0.02, 2, "s", "the same interval where the vehicle's velocity is known")
-    ] = 0.4
+    ] = 0.5
     guided_acceleration_std: Annotated[
         float,
         Limits(0.01, 100, "1/s^2", "what the vehicle's velocity leaves of the acceleration over height"),
-    ] = 0.2
+    ] = 0.05
     max_acceleration: Annotated[
         float,
         Limits(0.5, 100, "m/s^2", "change of the vehicle's velocity that counts as a jump of its filter"),
     ] = 8.0
     guided_share_std: Annotated[
         float, Limits(0, 1, "", "relative error of what the vehicle's velocity says of it, one sigma")
-    ] = 0.2
+    ] = 0.1
     guided_velocity_std: Annotated[
         float, Limits(0, 2, "m/s", "error of the vehicle's velocity there, one sigma")
     ] = 0.06
@@ -125,6 +125,12 @@ class EstimatorOptions:
     velocity_max_age_s: Annotated[
         float, Limits(0.01, 2, "s", "oldest velocity at an exposure that its changes are taken from")
     ] = 0.06
+    shared_noise: Annotated[
+        float,
+        Limits(
+            1, 20, "", "errors that neighbouring tracks share, where a rotation is told from a displacement"
+        ),
+    ] = 2.0
     memory_s: Annotated[float, Limits(0, 30, "s", "how far back estimates are fused")] = 2.0
     drift_std_deg: Annotated[float, Limits(0, 10, "deg", "change of a plane's slope in a second")] = 0.2
     agreement: Annotated[float, Limits(1, 100, "", "chi-square at which two estimates disagree")] = 9.0

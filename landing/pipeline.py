@@ -76,8 +76,8 @@ class SurfacePipeline:
                 f"frame {observation.frame} is at {observation.time_s:.6f} s, not after {self._last_s:.6f} s"
             )
         prediction = self._prediction(observation)
-        self.views.step(observation, prediction)
-        self.relief.memory.move(prediction)
+        self.views.step(observation, None if prediction is None else prediction[0])
+        self.relief.memory.move(*(prediction or (None, None)))
         self._last_s = observation.time_s
         plane = self.estimator.step(self.views)
         self.time_offset.step(self.views, plane)
@@ -86,8 +86,8 @@ class SurfacePipeline:
             self._motion = plane.omega, plane.normal
         return self._estimate(observation, plane)
 
-    def _prediction(self, observation: Observation) -> Array | None:
-        """Homography of the last plane and motion: this frame's normalised points from the last frame's."""
+    def _prediction(self, observation: Observation) -> tuple[Array, Array] | None:
+        """This frame's normalised points from the last's: homographies of the last plane and of what is far away."""
         if not self.views.tracker.frame >= 0 or observation.ned_from_body is None:
             return None
         last = self.views.newest
@@ -98,7 +98,7 @@ class SurfacePipeline:
             return None
         omega, normal = self._motion
         moved = omega * (observation.time_s - last.time_s)
-        return new_from_last @ (np.eye(3) - np.outer(moved, normal))
+        return new_from_last @ (np.eye(3) - np.outer(moved, normal)), new_from_last
 
     def _estimate(self, observation: Observation, plane: Plane) -> SurfaceEstimate:
         o = self.options.estimator

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from landing.camera import CameraModel
-from landing.homography import apply
 from landing.options import EstimatorOptions
 
 Array = NDArray[np.float64]
@@ -54,14 +53,21 @@ class ReliefMemory:
         """Start anew."""
         self._points, self._pixels, self.heights = np.empty((0, 2)), np.empty((0, 2)), np.empty(0)
 
-    def move(self, new_from_previous: Array | None) -> None:
-        """Carry the points into the next frame (homography of normalised points, None: forget)."""
-        if new_from_previous is None:
+    def move(self, on_plane: Array | None, far_away: Array | None = None) -> None:
+        """Carry the points into the next frame; None: forget.
+
+        ``on_plane`` and ``far_away`` (3, 3) are homographies new_from_previous of normalised points. What stands e over
+        the plane, over the distance, is displaced (1 + e) times as far as the plane.
+        """
+        if on_plane is None or far_away is None:
             self.forget()
-        if not len(self._points) or new_from_previous is None:
+        if not len(self._points) or on_plane is None or far_away is None:
             return
-        self._keep(self._points @ new_from_previous[2, :2] + new_from_previous[2, 2] > _AHEAD)
-        self._points = apply(new_from_previous, self._points)
+        e = self.heights[:, None]
+        q = (1 + e) * self._turned(on_plane) - e * self._turned(far_away)
+        ahead = q[:, 2] > _AHEAD
+        self._keep(ahead)
+        self._points = q[ahead, :2] / q[ahead, 2:]
         pixel = self._pixels = self.camera.project(self._points)
         margin = self.options.margin_kept * self.camera.width
         beyond = np.array((self.camera.width, self.camera.height)) + margin
@@ -86,6 +92,10 @@ class ReliefMemory:
         cell = self.cells.of(self._pixels)
         gone = np.logical_or(~seen[cell], self._in_border())
         return cell[gone], self.heights[gone]
+
+    def _turned(self, h: Array) -> Array:
+        """The points after a homography, homogeneous (n, 3)."""
+        return self._points @ h[:, :2].T + h[:, 2]
 
     def _append(self, points: Array, pixels: Array, heights: Array) -> None:
         most = self.options.remembered

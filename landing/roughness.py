@@ -23,6 +23,9 @@ from landing.views import Views
 
 Array = NDArray[np.float64]
 
+_SHARE = 3, 4
+"""Share of the plane's baseline that heights are measured over: longer is less noise, shorter more tracks."""
+
 
 @dataclass(frozen=True, slots=True)
 class Relief:
@@ -107,15 +110,15 @@ class ReliefMap:
     def _measure(self, views: Views, plane: Plane) -> tuple[Array, Array, Array, Array, int]:
         """Heights and standard deviations of all slots (capacity,), newest and older, and the gross errors.
 
-        The newest go back to half the plane's baseline, or for younger tracks as far as they reach; the older are
-        the newest of as many frames ago, so that the two have at most the middle frame in common.
+        The newest go back three quarters of the plane's baseline, or for younger tracks as far as they reach; the older
+        are the newest of as many frames ago, so that the two have at most the middle frame in common.
         """
         tracker, o = views.tracker, self.options
         weight = plane.weights(len(tracker.alive))
         height, std = np.full((2, len(weight)), math.nan)
         wrong = np.zeros(len(weight), bool)
-        half = max(1, plane.gap // 2)
-        gaps = self._gaps(views, half)
+        reach = max(1, _SHARE[0] * plane.gap // _SHARE[1])
+        gaps = self._gaps(views, reach)
         slots = np.flatnonzero(tracker.alive & (tracker.born <= tracker.frame - gaps[-1]))
         index = np.searchsorted(-gaps, -(tracker.frame - tracker.born[slots]))
         # the displacements over all the gaps come from the tracks that reach back over all of them
@@ -127,7 +130,7 @@ class ReliefMap:
             plane.normal,
             tracks.whitener[:, oldest],
             weight[slots[oldest]],
-            np.hypot((o.rotation_std_rad, o.rotation_std_rad, o.yaw_std_rad), views.baseline_std(half)),
+            np.hypot((o.rotation_std_rad, o.rotation_std_rad, o.yaw_std_rad), views.baseline_std(reach)),
         )
         if found is not None:
             index = np.minimum(index, len(gaps) - 1)
@@ -135,19 +138,19 @@ class ReliefMap:
             height[slots], std[slots], wrong[slots] = heights(
                 tracks.new, old, found[0][index], plane.normal, tracks.whitener, o
             )
-        older, older_std, older_wrong = self._recall(views, plane, weight, half)
+        older, older_std, older_wrong = self._recall(views, plane, weight, reach)
         self._measured[tracker.frame % len(self._measured)] = _Measured(
             tracker.frame, height, std, wrong, plane.normal
         )
         return np.where(wrong | older_wrong, math.nan, height), std, older, older_std, int(wrong.sum())
 
     def _recall(
-        self, views: Views, plane: Plane, weight: Array, half: int
+        self, views: Views, plane: Plane, weight: Array, reach: int
     ) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """What all slots showed ``half`` frames ago, heights over the plane of now: they, their std, gross errors."""
+        """What all slots showed ``reach`` frames ago, heights over the plane of now: they, their std, gross errors."""
         tracker = views.tracker
         height, std = np.full((2, len(weight)), math.nan)
-        frame = tracker.frame - half
+        frame = tracker.frame - reach
         then = self._measured[frame % len(self._measured)]
         if then is None or then.frame != frame:
             return height, std, np.zeros(len(weight), bool)
@@ -155,7 +158,7 @@ class ReliefMap:
         wrong = then.wrong & same
         slots = np.flatnonzero(same & np.isfinite(then.height) & ~wrong)
         point = tracker.history[frame % tracker.HISTORY, slots]
-        now = turned(plane.normal, views.rotation(half))
+        now = turned(plane.normal, views.rotation(reach))
         # the inverse depth is (1 + e) n . p whichever the plane, but for the scale: what fits the plane has none
         old, new = (n[2] + point @ n[:2] for n in (then.normal, now))
         inverse = (1 + then.height[slots] * np.linalg.norm(then.normal)) * old / new
@@ -166,12 +169,14 @@ class ReliefMap:
             std[slots] = then.std[slots]
         return height, std, wrong
 
-    def _gaps(self, views: Views, half: int) -> NDArray[np.intp]:
-        """Half the plane's baseline, then the ages of the larger groups of younger tracks, falling."""
+    def _gaps(self, views: Views, reach: int) -> NDArray[np.intp]:
+        """The longest gap, then the ages of the larger groups of younger tracks, falling."""
         tracker, o = views.tracker, self.options
-        ages = np.bincount(np.minimum(tracker.frame - tracker.born[tracker.alive], half), minlength=half + 1)
-        younger = 1 + np.flatnonzero(ages[1:half] >= o.relief_group_tracks)[::-1]
-        return np.concatenate(((half,), younger[: o.relief_groups])).astype(np.intp)
+        ages = np.bincount(
+            np.minimum(tracker.frame - tracker.born[tracker.alive], reach), minlength=reach + 1
+        )
+        younger = 1 + np.flatnonzero(ages[1:reach] >= o.relief_group_tracks)[::-1]
+        return np.concatenate(((reach,), younger[: o.relief_groups])).astype(np.intp)
 
     def _standing(self, born: NDArray[np.int64], slots: NDArray[np.intp], h: Array, s: Array) -> int:
         """How many tracks have stood out for some frames on end; what does not last is a tracking error."""

@@ -44,7 +44,7 @@ def velocity(
     guided = _guided(views, normal, weight, noise, rotation_std, o)
     if guided is not None:
         return guided
-    moved = _moved(views, _gaps(views, o.motion_span_s), normal, weight, noise, rotation_std)
+    moved = _moved(views, _gaps(views, o.motion_span_s), normal, weight, noise, rotation_std, o.shared_noise)
     return None if moved is None else _newest(moved, moved.t, o.acceleration_std)[:2]
 
 
@@ -57,7 +57,7 @@ def _guided(
     change = views.detour(gaps, o.velocity_max_age_s, o.max_acceleration)
     if change is None:
         return None
-    moved = _moved(views, gaps, normal, weight, noise, rotation_std)
+    moved = _moved(views, gaps, normal, weight, noise, rotation_std, o.shared_noise)
     if moved is None:
         return None
     vehicle, detour = change
@@ -85,15 +85,17 @@ def _moved(
     weight: Array,
     noise: float,
     rotation_std: float,
+    shared_noise: float,
 ) -> _Moved | None:
     tracks, derotated = views.stack(gaps)
-    found = displacement(tracks.new, derotated, normal, tracks.whitener, weight[tracks.slots])
+    # a rotation shows in the curvature of the flow alone, where errors that neighbouring tracks share count most
+    std = np.full(3, rotation_std / (shared_noise * noise))
+    found = displacement(tracks.new, derotated, normal, tracks.whitener, weight[tracks.slots], std)
     if found is None:
         return None
     tau = np.array([views.newest.time_s - views.view(int(gap)).time_s for gap in gaps])
-    # an error of the rotation about x or y looks like a displacement across; along the axis it hardly tells
-    variance = np.diagonal(found[1], axis1=1, axis2=2) * noise**2
-    return _Moved(tau, found[0], variance + np.array((1.0, 1.0, 0.1)) * rotation_std**2)
+    variance = np.diagonal(found[1], axis1=1, axis2=2)[:, :3] * noise**2
+    return _Moved(tau, found[0][:, :3], variance)
 
 
 def _newest(

@@ -43,7 +43,7 @@ def fly(
         views.tracker.history[views.tracker.frame % views.tracker.HISTORY, wrong] += (
             rng.uniform(-6, 6, (int(wrong.sum()), 2)) / flight.camera.focal_px
         )
-        found.memory.move(np.eye(3))
+        found.memory.move(np.eye(3), np.eye(3))
         if k < 12:
             continue
         gap = 10
