@@ -8,7 +8,6 @@ shorter one shows what has come in last, the longer one shows it twice as well o
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -71,6 +70,19 @@ class _Before:
 
 
 @dataclass(frozen=True, slots=True)
+class _Place:
+    """A strip to look at: ``begin`` pixels away from a side, against the frame ``before``.
+
+    ``parallax`` (2, k, 2) px per unit height, in the middles of its blocks and of those of the strip further in.
+    """
+
+    side: int
+    begin: int
+    before: _Before
+    parallax: NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
 class _Strip:
     """Blocks (k,) along a side: height over the distance, its information, middles (k, 2) px.
 
@@ -83,17 +95,46 @@ class _Strip:
     end_px: int
 
 
+class _Side:
+    """Geometry of one side of the view: its blocks, and the rays of their middles at every distance from it."""
+
+    def __init__(self, camera: CameraModel, axis: int, far: bool) -> None:
+        self.axis, self.far = axis, far
+        size = (camera.width, camera.height)
+        self.across_px, along_px = size[axis], size[1 - axis]
+        self.blocks = (along_px - 2) // _LENGTH
+        start = (along_px - self.blocks * _LENGTH) // 2
+        self.along = slice(start, start + self.blocks * _LENGTH)
+        deep = np.arange(self.across_px // 2)
+        self.middles = np.empty((len(deep), self.blocks, 2))
+        self.middles[..., axis] = (self.across_px - 1 - deep if far else deep)[:, None]
+        self.middles[..., 1 - axis] = start + _LENGTH * np.arange(self.blocks) + (_LENGTH - 1) / 2
+        self.rays = camera.undistort(self.middles.reshape(-1, 2)).reshape(self.middles.shape)
+        middle = (np.array(size) - 1) / 2
+        middle[axis] = self.across_px - 1 if far else 0
+        self.middle, self.middle_ray = middle, camera.undistort(middle[None])
+
+    def window(self, begin: int, depth: int) -> tuple[slice, slice]:
+        """Rows and columns of the ``depth`` lines from ``begin`` pixels away from the side on."""
+        first = self.across_px - begin - depth if self.far else begin
+        across = slice(first, first + depth)
+        return (across, self.along) if self.axis == 1 else (self.along, across)
+
+    def lines(self, picture: NDArray[Any]) -> NDArray[Any]:
+        """A window's pixels as lines along the side, the outermost first, in blocks: (depth, blocks, length)."""
+        turned = picture if self.axis == 1 else picture.T
+        return (turned[::-1] if self.far else turned).reshape(-1, self.blocks, _LENGTH)
+
+
 class Border:
     """Looks at the sides of each frame for ground that does not fit the plane."""
 
     def __init__(self, options: EstimatorOptions, camera: CameraModel) -> None:
         self.options, self.camera = options, camera
-        self._size = (camera.width, camera.height)
         self._warp = Warp(camera)
-        self._middles = np.tile((np.array(self._size) - 1) / 2, (len(SIDES), 1))
-        for middle, (axis, far) in zip(self._middles, SIDES, strict=True):
-            middle[axis] *= 2 if far else 0
-        self._middle_rays = camera.undistort(self._middles)
+        self._sides = [_Side(camera, axis, far) for axis, far in SIDES]
+        self._middles = np.array([side.middle for side in self._sides])
+        self._middle_rays = np.concatenate([side.middle_ray for side in self._sides])
         self._frame = -2
         self._last: set[int] = set()
         self._scatter = 1.0
@@ -102,15 +143,13 @@ class Border:
 
     def step(self, views: Views, plane: Plane) -> Standing | None:
         """What surely stands out at the sides of the newest frame, None where nothing does."""
-        self.incoming = set()
         found: list[Standing] = []
-        for gap in self._gaps(views, plane):
-            before = self._before(views, plane, gap)
-            if before is not None:
-                for side, strip in self._strips(views, before):
-                    self.incoming.add(side)
-                    found += self._standing(side, strip)
-                    self._learn(strip)
+        places = self._places(self._before(views, plane, self._gaps(views, plane)))
+        self.incoming = {place.side for place in places}
+        for place in places:
+            strip = self._strip(views, place)
+            found += self._standing(place.side, strip)
+            self._learn(strip)
         last = self._last if self._frame == views.tracker.frame - 1 else set()
         self._frame, self._last = views.tracker.frame, {standing.side for standing in found}
         most = max(found, key=lambda standing: standing.mean_square, default=None)
@@ -126,91 +165,79 @@ class Border:
         gap = next((k for k, px in enumerate(moved_px, 1) if px >= self.options.border_flow_px), longest)
         return [gap, 2 * gap] if 2 * gap <= longest else [gap]
 
-    def _before(self, views: Views, plane: Plane, gap: int) -> _Before | None:
-        """The frame to compare with; None where the motion since is not known."""
+    def _before(self, views: Views, plane: Plane, gaps: list[int]) -> list[_Before]:
+        """The frames to compare with; none where the motion since is not known."""
+        rotations = [rotation for gap in gaps if (rotation := views.rotation(gap)) is not None]
+        if not gaps or len(rotations) < len(gaps):
+            return []
         o = self.options
-        rotation = views.rotation(gap)
-        if rotation is None:
-            return None
-        tracks, derotated = views.stack(np.array([gap]))
+        tracks, derotated = views.stack(np.array(gaps))
         found = displacement(
             tracks.new,
             derotated,
             plane.normal,
             tracks.whitener,
             plane.weights(len(views.tracker.alive))[tracks.slots],
-            np.hypot((o.rotation_std_rad, o.rotation_std_rad, o.yaw_std_rad), views.baseline_std(gap)),
+            np.hypot((o.rotation_std_rad, o.rotation_std_rad, o.yaw_std_rad), views.baseline_std(gaps[-1])),
         )
         if found is None:
-            return None
-        t, error = np.split(found[0][0], 2)
-        far_away = rotation @ exp_so3(error)
-        on_plane = far_away @ (np.eye(3) - np.outer(t, plane.normal))
-        return _Before(gap, on_plane, far_away)
+            return []
+        out = []
+        for gap, rotation, moved in zip(gaps, rotations, found[0], strict=True):
+            t, error = np.split(moved, 2)
+            far_away = rotation @ exp_so3(error)
+            out.append(_Before(gap, far_away - np.outer(far_away @ t, plane.normal), far_away))
+        return out
 
-    def _strips(self, views: Views, before: _Before) -> Iterator[tuple[int, _Strip]]:
-        """The sides where ground comes in, by their number."""
-        way = self._middles - self.camera.project(apply(before.on_plane, self._middle_rays))
-        for side, (axis, far) in enumerate(SIDES):
-            coming = -way[side, axis] if far else way[side, axis]
-            if coming < _LEAST_PX:
-                continue
-            begin = math.ceil(coming) + _CLEAR
-            if begin + _REFERENCE.stop < self._size[axis] // 2 and self._size[1 - axis] >= _LENGTH + 2:
-                yield side, self._strip(views, before, side, begin)
+    def _places(self, befores: list[_Before]) -> list[_Place]:
+        """The strips at the sides where ground comes in."""
+        found = []
+        for before in befores:
+            way = self._middles - self.camera.project(apply(before.on_plane, self._middle_rays))
+            for number, side in enumerate(self._sides):
+                coming = float(-way[number, side.axis] if side.far else way[number, side.axis])
+                begin = math.ceil(coming) + _CLEAR if coming >= _LEAST_PX else side.across_px
+                if begin + _REFERENCE.stop < side.across_px // 2 and side.blocks:
+                    rays = side.rays[[begin + _DEPTH // 2, begin + (_REFERENCE.start + _REFERENCE.stop) // 2]]
+                    rays = rays.reshape(-1, 2)
+                    both = np.concatenate((apply(before.on_plane, rays), apply(before.far_away, rays)))
+                    on_plane, far_away = self.camera.project(both).reshape(2, 2, side.blocks, 2)
+                    found.append(_Place(number, begin, before, (on_plane - far_away).astype(np.float32)))
+        return found
 
-    def _strip(self, views: Views, before: _Before, side: int, begin: int) -> _Strip:
-        """The strip ``begin`` pixels away from a side, over the one further in.
-
-        Blocks that the older frame did not see have no information.
-        """
-        o, (axis, far) = self.options, SIDES[side]
-        blocks = (self._size[1 - axis] - 2) // _LENGTH
-        depth = _REFERENCE.stop
-        first = self._size[axis] - begin - depth if far else begin
-        start = (self._size[1 - axis] - blocks * _LENGTH) // 2
-        across, along = slice(first, first + depth), slice(start, start + blocks * _LENGTH)
-        rows, columns = (across, along) if axis == 1 else (along, across)
-        at = np.array(((_DEPTH - 1) / 2, (_REFERENCE.start + _REFERENCE.stop - 1) / 2))
-        middles = np.empty((2, blocks, 2))
-        middles[..., axis] = (first + depth - 1 - at if far else first + at)[:, None]
-        middles[..., 1 - axis] = start + _LENGTH * np.arange(blocks) + (_LENGTH - 1) / 2
-        rays = self.camera.undistort(middles.reshape(-1, 2))
-        on_plane, far_away = (self.camera.project(apply(h, rays)) for h in (before.on_plane, before.far_away))
-        parallax = (on_plane - far_away).reshape(2, blocks, 2).astype(np.float32)
-
-        def from_side(picture: NDArray[Any]) -> NDArray[Any]:
-            """The picture's rows as lines along the side, the outermost first, in blocks: (depth, blocks, length)."""
-            turned = picture if axis == 1 else picture.T
-            return (turned[::-1] if far else turned).reshape(depth, blocks, _LENGTH)
-
-        new, old = views.tracker.images[0], views.tracker.images[before.gap]
-        places = self._warp.places(before.on_plane, rows, columns)
+    def _strip(self, views: Views, place: _Place) -> _Strip:
+        """The outer strip over the one further in; blocks that the older frame did not see have no information."""
+        o, side, depth = self.options, self._sides[place.side], _REFERENCE.stop
+        rows, columns = side.window(place.begin, depth)
+        new, old = views.tracker.images[0], views.tracker.images[place.before.gap]
+        places = self._warp.places(place.before.on_plane, rows, columns)
         warped = cv2.remap(old, places, _NO_SECOND_MAP, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT_101)
         around = new[rows.start - 1 : rows.stop + 1, columns.start - 1 : columns.stop + 1]
         gx, gy = (
-            from_side(cv2.Scharr(around, cv2.CV_32F, *d, scale=1 / 32)[1:-1, 1:-1]) for d in ((1, 0), (0, 1))
+            side.lines(cv2.Scharr(around, cv2.CV_32F, *d, scale=1 / 32)[1:-1, 1:-1]) for d in ((1, 0), (0, 1))
         )
-        r = from_side(cv2.subtract(new[rows, columns], warped, dtype=cv2.CV_32F))
-
-        def sums(part: slice, shift: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-            """Sums of g^2, g r and r^2 in each block (blocks,), about its means; g is the change by unit height."""
-            g = gx[part] * shift[:, :1] + gy[part] * shift[:, 1:]
-            both = np.stack((g, r[part]))
-            both -= both.mean(axis=(1, 3), keepdims=True)
-            product = np.einsum("iabc,jabc->bij", both, both)
-            return np.maximum(product[:, 0, 0], 1e-9), product[:, 0, 1], product[:, 1, 1]
-
-        square, cross, left = sums(slice(0, _DEPTH), parallax[0])
-        square_in, cross_in, _ = sums(_REFERENCE, parallax[1])
+        left = side.lines(cv2.subtract(new[rows, columns], warped, dtype=cv2.CV_32F))
+        # what unit height changes, and what has changed
+        outer, inner = (
+            np.stack((gx[part] * shift[:, :1] + gy[part] * shift[:, 1:], left[part]))
+            for part, shift in zip((slice(0, _DEPTH), _REFERENCE), place.parallax, strict=True)
+        )
+        outer -= outer.mean(axis=(1, 3), keepdims=True)
+        blocks = outer.transpose(2, 0, 1, 3).reshape(side.blocks, 2, -1)
+        product = blocks @ blocks.transpose(0, 2, 1)
+        square, cross = np.maximum(product[:, 0, 0], 1e-9), product[:, 0, 1]
         height = cross / square
-        noise = o.border_noise**2 * np.maximum(left - height * cross, 0.0) / (_DEPTH * _LENGTH * square)
-        locking = o.border_locking_px / np.maximum(np.hypot(*parallax[0].T), 1e-3)
-        beside = from_side(places[..., axis])[:_DEPTH]
-        seen = (beside.min(axis=(0, 2)) >= 0) & (beside.max(axis=(0, 2)) <= self._size[axis] - 1)
-        information = np.where(seen, 1 / (noise + locking**2), 0.0)
-        height = height - float(cross_in.sum()) / float(square_in.sum())
-        return _Strip(height.astype(np.float64), information, middles[0], begin + _DEPTH)
+        noise = np.maximum(product[:, 1, 1] - height * cross, 0.0) / (_DEPTH * _LENGTH * square)
+        locking2 = o.border_locking_px**2 / np.maximum((place.parallax[0] ** 2).sum(axis=1), 1e-6)
+        beside = side.lines(places[..., side.axis])[:_DEPTH]
+        seen = (beside.min(axis=(0, 2)) >= 0) & (beside.max(axis=(0, 2)) <= side.across_px - 1)
+        information = np.where(seen, 1 / (o.border_noise**2 * noise + locking2), 0.0)
+        # of the inner strip as a whole
+        inner -= inner.mean(axis=(1, 2, 3), keepdims=True)
+        change, by_height = inner[1].ravel(), inner[0].ravel()
+        common = float(change @ by_height) / max(float(by_height @ by_height), 1e-9)
+        middles = side.middles[place.begin + _DEPTH // 2]
+        return _Strip(height.astype(np.float64) - common, information, middles, place.begin + _DEPTH)
 
     def _standing(self, side: int, strip: _Strip) -> list[Standing]:
         """The runs of blocks that stand out for sure, of each length the one that adds most to the view's relief."""
@@ -223,7 +250,7 @@ class Border:
             sure = np.abs(mean) * np.sqrt(total) > self.options.border_sigmas * max(self._scatter, 1.0)
             best = int(np.where(sure, np.abs(mean), 0.0).argmax())
             if sure[best]:
-                share = length * _LENGTH * strip.end_px / (self._size[0] * self._size[1])
+                share = length * _LENGTH * strip.end_px / (self.camera.width * self.camera.height)
                 places = strip.middles[best : best + length]
                 out.append(Standing(side, places, float(mean[best]), float(mean[best] ** 2) * share))
         return out

@@ -187,7 +187,7 @@ class EstimatorOptions:
     ] = 0.25
     border_unlike_sigmas: Annotated[
         float, Limits(1, 20, "sigma", "the same over how much it usually changes there")
-    ] = 4.0
+    ] = 2.5
     gross_sigmas: Annotated[
         float, Limits(1, 20, "sigma", "residual across the motion that unmasks an error")
     ] = 4.0

@@ -110,12 +110,10 @@ class SurfacePipeline:
         if observation.ned_from_body is not None:
             roll, pitch, _ = euler_from_matrix(observation.ned_from_body)
         relief_ = self.relief.step(self.views, plane)
-        unlike = self.unlike.step(observation.image)
+        unlike: set[int] = set()
         if relief_ and relief_.roughness <= self.options.decision.max_roughness:
             relief_ = self._with_border(relief_, plane)
-            unlike &= self.border.incoming
-        else:
-            unlike = set()
+            unlike = self.unlike.step(observation.image, self.border.incoming)
         known: dict[str, Any] = {}
         if math.isfinite(plane.divergence):
             known = {

@@ -6,6 +6,7 @@ at once.
 
 import math
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,11 +20,11 @@ _OUTER, _INNER = 6, slice(24, 48)
 """Lines along a side: what has just come in, and what is known."""
 _DARK = 8.0
 """Grey levels added to both: in the dark a ratio of few levels means nothing."""
-_LEARNT, _LARGEST = 0.02, 1.5
-"""Share of a frame in what is usual, and the largest step in it, over what is usual."""
+_LEARNT, _LARGEST = 0.02, 2.0
+"""Share of a frame in what is usual, and the largest change that is learnt from as it is, over what is usual."""
 
 
-class _Side:
+class _Usual:
     """How bright one side of the view is against what lies behind it, and how bright it usually is (vignetting)."""
 
     def __init__(self, axis: int, far: bool, least: float) -> None:
@@ -35,26 +36,30 @@ class _Side:
         """How unusual a picture is, over what is usual (one: as usual)."""
         lines = image if self._axis == 1 else image.T
         lines = lines[::-1] if self._far else lines
-        now = math.log((float(lines[:_OUTER].mean()) + _DARK) / (float(lines[_INNER].mean()) + _DARK))
+        now = math.log((_brightness(lines[:_OUTER]) + _DARK) / (_brightness(lines[_INNER]) + _DARK))
         if math.isnan(self._usual):
             self._usual = now
         away = (now - self._usual) / self._scatter
-        step = max(-_LARGEST, min(_LARGEST, away))
-        self._usual += _LEARNT * step * self._scatter
-        self._scatter = max(self._least, self._scatter * math.sqrt(1 + _LEARNT * (step * step - 1)))
+        self._usual += _LEARNT * max(-_LARGEST, min(_LARGEST, away)) * self._scatter
+        if abs(away) <= _LARGEST:
+            self._scatter = max(self._least, self._scatter * math.sqrt(1 + _LEARNT * (away * away - 1)))
         return abs(away)
 
 
 class Unlike:
-    """Compares each side's brightness with that of the view behind it, and with what is usual there."""
+    """Compares the brightness of sides with that of the view behind them, and with what is usual there."""
 
     def __init__(self, options: EstimatorOptions, camera: CameraModel) -> None:
         self._possible = min(camera.width, camera.height) >= 2 * _INNER.stop
         self._sigmas = options.border_unlike_sigmas
-        self._sides = [_Side(axis, far, options.border_unlike / self._sigmas) for axis, far in SIDES]
+        self._sides = [_Usual(axis, far, options.border_unlike / self._sigmas) for axis, far in SIDES]
 
-    def step(self, image: Image) -> set[int]:
-        """The sides (numbers in ``border.SIDES``) at which a raw image (height, width) is unlike."""
+    def step(self, image: Image, sides: set[int]) -> set[int]:
+        """Those of ``sides`` (numbers in ``border.SIDES``) at which a raw image (height, width) is unlike."""
         if not self._possible:
             return set()
-        return {number for number, side in enumerate(self._sides) if side.step(image) > self._sigmas}
+        return {number for number in sides if self._sides[number].step(image) > self._sigmas}
+
+
+def _brightness(lines: Image) -> float:
+    return float(cv2.mean(lines)[0])

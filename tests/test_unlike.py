@@ -14,6 +14,7 @@ from landing.pipeline import SurfacePipeline
 from landing.unlike import Unlike
 
 OPTIONS = Options()
+ALL = {0, 1, 2, 3}
 NUMBER = {"top": 0, "bottom": 1, "left": 2, "right": 3}
 
 
@@ -32,8 +33,8 @@ def test_another_brightness_is_told_at_its_side(side: str, factor: float):
     unlike = Unlike(OPTIONS.estimator, CAMERA)
     *usual, last = pictures(None, 0)
     for image in usual:
-        assert unlike.step(image) == set()
-    assert unlike.step(shaded(last, side, 8, factor)) == {NUMBER[side]}
+        assert unlike.step(image, ALL) == set()
+    assert unlike.step(shaded(last, side, 8, factor), ALL) == {NUMBER[side]}
 
 
 def test_vignetting_is_usual_and_so_are_changes_of_the_light():
@@ -42,20 +43,20 @@ def test_vignetting_is_usual_and_so_are_changes_of_the_light():
     lens = 1 - 0.6 * np.hypot((x - 120) / 120, (y - 90) / 90) / np.sqrt(2)
     for k, image in enumerate(pictures(None, 0)):
         seen = image * lens * (0.7 + 0.3 * np.sin(k / 3))
-        assert unlike.step(np.clip(np.rint(seen), 0, 255).astype(np.uint8)) == set()
+        assert unlike.step(np.clip(np.rint(seen), 0, 255).astype(np.uint8), ALL) == set()
 
 
 def test_what_stays_becomes_usual():
     unlike = Unlike(OPTIONS.estimator, CAMERA)
-    unlike.step(pictures(None, 0)[0])
-    told = [bool(unlike.step(shaded(pictures(None, 0)[0], "top", 8, 0.4))) for _ in range(200)]
+    unlike.step(pictures(None, 0)[0], ALL)
+    told = [bool(unlike.step(shaded(pictures(None, 0)[0], "top", 8, 0.4), ALL)) for _ in range(200)]
     assert told[0]
     assert not told[-1]
 
 
 def test_a_small_view_is_left_alone():
     small = CameraModel.from_focal(80, 60, 60.0)
-    assert Unlike(OPTIONS.estimator, small).step(np.zeros((60, 80), np.uint8)) == set()
+    assert Unlike(OPTIONS.estimator, small).step(np.zeros((60, 80), np.uint8), ALL) == set()
 
 
 def test_only_where_ground_comes_in_it_speaks_against_flat():
