@@ -85,17 +85,19 @@ def fit_plane(
     whitener: Array,
     prior: FitPrior,
     start: tuple[Array, float, float] | None = None,
-    start_d: Array | None = None,
+    carried: tuple[Array, float] | None = None,
     cut: float = 5.0,
     iterations: int = 15,
-    tolerance: float = 0.3,
+    tolerance: float = 0.45,
 ) -> PlaneFit | None:
     """Fit the plane to tracks ``new`` and ``old`` (n, 2), normalised coordinates of two frames.
 
-    ``whitener`` (3, n) as in ``TrackPair``. ``start`` is (t, a, b), ``start_d`` (3,) the rotation error; without
-    them the fit starts from a robust homography. None with fewer than eight tracks or when no homography explains
-    them. Tukey weights on the length of each residual, cut at ``cut`` times the noise, which is estimated along the
-    way (median, then the inliers'); done when Newton's decrement is below ``tolerance``.
+    ``whitener`` (3, n) as in ``TrackPair``. ``start`` is (t, a, b), ``carried`` the tracks' weights (n,) and the
+    noise that another fit found, which serve for the first step; without a start the fit begins at a robust
+    homography. None with fewer than eight tracks or when no homography explains them. Tukey weights on the length of
+    each residual, cut at ``cut`` times the noise, which is estimated along the way (median, then the inliers'); done
+    when Newton's decrement is below ``tolerance``: the step was then a quarter of a sigma in each parameter, and what
+    is left of it is far less.
     """
     if len(new) < PARAMETERS:
         return None
@@ -106,10 +108,15 @@ def fit_plane(
     problem = _Problem(new, old, old_from_new, whitener, prior)
     x = np.zeros(PARAMETERS)
     x[:3], x[3], x[4] = start
-    if start_d is not None:
-        x[5:] = start_d
+    if carried is not None:
+        # the model is all but linear: with good weights one step leads from afar to the noise's reach
+        hessian, gradient = problem.normal_equations(x, *carried)
+        solved, step = cv2.solve(hessian, gradient[:, None], flags=cv2.DECOMP_CHOLESKY)
+        if not solved:
+            return None
+        x = x + step[:, 0]
     length2 = problem.residual(x)
-    noise = problem.scale(length2, False)
+    noise = problem.scale(length2, carried is not None)
     weight, cost = problem.weigh(x, length2, noise, cut)
     damping, converged = 0.0, False
     for iteration in range(iterations):
@@ -129,7 +136,7 @@ def fit_plane(
         decrement = float(gradient @ step[:, 0])
         x, cost = tried, tried_cost
         damping = damping / 10 if damping > 1e-3 else 0.0
-        converged = iteration > 0 and abs(decrement) < tolerance
+        converged = (iteration > 0 or carried is not None) and abs(decrement) < tolerance
         if converged or iteration < 2:
             # the scale settles first: a cost that changes under way does not converge
             noise = problem.scale(length2, True)
