@@ -50,7 +50,9 @@ class CameraModel:
         self._tangential = np.array((2 * k[3], 2 * k[2]))
         # pixels of (x, y, r2, 1) of the distorted points
         of_r2 = np.array((k[3] + k[8], k[2] + k[10], 0.0))
-        self._pixel_from_distorted = np.column_stack((self.matrix[:, :2], self.matrix @ of_r2, self.matrix[:, 2]))[:2]
+        self._pixel_from_distorted = np.column_stack(
+            (self.matrix[:, :2], self.matrix @ of_r2, self.matrix[:, 2])
+        )[:2]
 
     @classmethod
     def from_focal(
@@ -106,9 +108,7 @@ class CameraModel:
         return np.dot(parts.T, p.T)
 
 
-def _polynomial(
-    r2: NDArray[np.float64], first: float, second: float, third: float
-) -> NDArray[np.float64]:
+def _polynomial(r2: NDArray[np.float64], first: float, second: float, third: float) -> NDArray[np.float64]:
     """1 + first r2 + second r2^2 + third r2^3."""
     out = r2 * third if third else np.zeros_like(r2)
     for factor in (second, first):

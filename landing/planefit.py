@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from landing.homography import robust
+from landing.homography import robust, towards
 from landing.rotations import exp_so3, skew
 
 Points = NDArray[np.float64]
@@ -201,10 +201,7 @@ class _Problem:
         """Squared length (n,) of observed minus predicted in the old frame, whitened."""
         self.at = x
         self.rotation = np.dot(self.rotation0, exp_so3(x[5:]))
-        tx, ty, tz, a, b = x[:5].tolist()
-        self.to_seen = np.array(
-            ((1 + tx * a, tx * b, -tx), (ty * a, 1 + ty * b, -ty), (tz * a, tz * b, 1 - tz))
-        )
+        self.to_seen = towards(x[:3], np.array((-x[3], -x[4], 1.0)))
         there = np.dot(np.dot(self.rotation, self.to_seen), self.p)
         self.inverse = 1.0 / there[2]
         u, v = self.projected = there[:2] * self.inverse
