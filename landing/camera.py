@@ -46,6 +46,13 @@ class CameraModel:
         self._coefficients = tuple(map(float, given))
         self._distorted = bool(given.any())
         self._rational, self._prismatic = bool(given[5:8].any()), bool(given[8:].any())
+        k = self._coefficients
+        self._tangential = np.array((2 * k[3], 2 * k[2]))
+        # pixels of (x, y, r2, 1) of the distorted points
+        of_r2 = np.array((k[3] + k[8], k[2] + k[10], 0.0))
+        self._pixel_from_distorted = np.column_stack(
+            (self.matrix[:, :2], self.matrix @ of_r2, self.matrix[:, 2])
+        )[:2]
 
     @classmethod
     def from_focal(
@@ -78,23 +85,34 @@ class CameraModel:
             space = np.column_stack((points, np.ones(len(points))))
             pixels, _ = cv2.projectPoints(space, np.zeros(3), np.zeros(3), self.matrix, self.distortion)
             return np.asarray(pixels, np.float64).reshape(-1, 2)
-        x, y = points.T
-        xd, yd = x, y
-        if self._distorted:
-            k = self._coefficients
-            r2 = x * x + y * y
-            radial = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]))
-            if self._rational:
-                radial = radial / (1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7])))
-            xy2 = 2 * x * y
-            xd = x * radial + k[2] * xy2 + k[3] * (r2 + 2 * x * x)
-            yd = y * radial + k[2] * (r2 + 2 * y * y) + k[3] * xy2
-            if self._prismatic:
-                xd, yd = xd + r2 * (k[8] + r2 * k[9]), yd + r2 * (k[10] + r2 * k[11])
-        out = np.empty((len(points), 2))
-        np.multiply(xd, self.matrix[0, 0], out=out[:, 0])
-        np.multiply(yd, self.matrix[1, 1], out=out[:, 1])
-        if self.matrix[0, 1]:
-            out[:, 0] += self.matrix[0, 1] * yd
-        out += self.matrix[:2, 2]
-        return out
+        n, p = len(points), self._pixel_from_distorted
+        if not self._distorted:
+            return np.dot(points, p[:, :2].T) + p[:, 3]
+        k = self._coefficients
+        # of each point: its distorted x and y but for what grows with r2 alone, r2 and one
+        parts = np.empty((4, n))
+        xy, r2 = parts[:2], parts[2]
+        np.multiply(points.T, points.T, out=xy)
+        np.add(xy[0], xy[1], out=r2)
+        parts[3] = 1.0
+        xy[:] = points.T
+        # the tangential terms are x times f and y times f, and r2
+        factor = np.dot(self._tangential, xy)
+        radial = _polynomial(r2, k[0], k[1], k[4])
+        if self._rational:
+            radial /= _polynomial(r2, k[5], k[6], k[7])
+        factor += radial
+        xy *= factor
+        if self._prismatic:
+            xy += np.multiply.outer((k[9], k[11]), r2 * r2)
+        return np.dot(parts.T, p.T)
+
+
+def _polynomial(r2: NDArray[np.float64], first: float, second: float, third: float) -> NDArray[np.float64]:
+    """1 + first r2 + second r2^2 + third r2^3."""
+    out = r2 * third if third else np.zeros_like(r2)
+    for factor in (second, first):
+        out += factor
+        out *= r2
+    out += 1.0
+    return out

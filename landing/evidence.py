@@ -41,7 +41,8 @@ class Evidence:
         self._first = self._end = 0
         self._frame = np.zeros(_CAPACITY, np.int64)
         self._time_s, self._share = np.zeros(_CAPACITY), np.zeros(_CAPACITY)
-        self._slope, self._covariance = np.zeros((_CAPACITY, 2)), np.zeros((_CAPACITY, 2, 2))
+        self._slope, self._covariance = np.zeros((2, _CAPACITY)), np.zeros((3, _CAPACITY))
+        """Slope tangents x and y in the world; their covariance xx, xy, yy."""
 
     def clear(self) -> None:
         """Forget: the surface is another one."""
@@ -65,13 +66,13 @@ class Evidence:
         if self._end == _CAPACITY:
             kept = slice(max(self._first, _CAPACITY // 2), _CAPACITY)
             for store in (self._frame, self._time_s, self._share, self._slope, self._covariance):
-                store[: kept.stop - kept.start] = store[kept].copy()
+                store[..., : kept.stop - kept.start] = store[..., kept].copy()
             self._first, self._end = 0, kept.stop - kept.start
         end = self._end
         # neighbouring estimates share their tracks: a baseline's worth of frames counts as one
         self._share[end] = min(1.0, 1.0 / max(1.0, gap * self.options.overlap))
         self._frame[end], self._time_s[end] = frame, time_s
-        self._slope[end], self._covariance[end] = turned
+        self._slope[:, end], self._covariance[:, end] = turned[0], turned[1].take((0, 1, 3))
         self._end += 1
 
     @property
@@ -87,34 +88,31 @@ class Evidence:
             return None
         # newest first
         order = slice(self._end - 1, self._first - 1 if self._first else None, -1)
-        slope, share = self._slope[order], self._share[order]
-        drift = o.drift_std**2 * (time_s - self._time_s[order])
-        covariance = self._covariance[order].copy()
-        covariance[:, 0, 0] += drift
-        covariance[:, 1, 1] += drift
+        slope, share = self._slope[:, order], self._share[order]
+        covariance = self._covariance[:, order].copy()
+        covariance[::2] += o.drift_std**2 * (time_s - self._time_s[order])
         information = _inverse(covariance)
-        counted = information * share[:, None, None]
-        total = counted.cumsum(axis=0)
-        weighted = (counted @ slope[..., None])[..., 0].cumsum(axis=0)
-        mean = (_inverse(total) @ weighted[..., None])[..., 0]
-        last = len(slope)
+        counted = information * share
+        total = counted.cumsum(axis=1)
+        summed = _inverse(total)
+        mean = _product(summed, _product(counted, slope).cumsum(axis=1))
+        last = slope.shape[1]
         if last > 1:
-            difference = slope[1:] - mean[:-1]
+            difference = slope[:, 1:] - mean[:, :-1]
             # a short sum knows no less than its best member
             enough = np.maximum(1.0, 1.0 / share[:-1].cumsum())
-            test = _inverse(covariance[1:] + _inverse(enough[:, None, None] * total[:-1]))
-            distance = (difference[:, None, :] @ test @ difference[..., None])[:, 0, 0]
-            disagree = np.flatnonzero(distance > o.agreement)
+            test = _inverse(covariance[:, 1:] + summed[:, :-1] / enough)
+            distance = difference * _product(test, difference)
+            disagree = (distance[0] + distance[1] > o.agreement).nonzero()[0]
             if len(disagree):
                 last = int(disagree[0]) + 1
-        used = total[last - 1]
-        if used[0, 0] + used[1, 1] < information[0, 0, 0] + information[0, 1, 1]:
-            used = information[0]
+        used = summed[:, last - 1]
+        if total[0, last - 1] + total[2, last - 1] < information[0, 0] + information[2, 0]:
+            used = covariance[:, 0]
         self.used = last
-        world = _inverse(used[None])[0]
-        world[0, 0] += o.floor_std**2
-        world[1, 1] += o.floor_std**2
-        return from_world(ned_from_camera, mean[last - 1], world)
+        xx, xy, yy = used.tolist()
+        world = np.array(((xx + o.floor_std**2, xy), (xy, yy + o.floor_std**2)))
+        return from_world(ned_from_camera, mean[:, last - 1], world)
 
     def _forget(self, time_s: float) -> None:
         while self._end > self._first and time_s - self._time_s[self._first] > self.options.memory_s:
@@ -123,36 +121,52 @@ class Evidence:
 
 def to_world(ned_from_camera: Array, a: float, b: float, covariance: Array) -> tuple[Array, Array] | None:
     """Slope tangents of the normal in the world (2,) and their covariance; None for a wall."""
-    n = ned_from_camera @ np.array((-a, -b, 1.0))
-    if n[2] < 0.1:
+    rows = ned_from_camera.tolist()
+    x, y, z = (z - x * a - y * b for x, y, z in rows)
+    if z < 0.1:
         return None
-    slope = n[:2] / n[2]
-    jacobian = (-ned_from_camera[:2, :2] + np.outer(slope, ned_from_camera[2, :2])) / n[2]
-    return slope, jacobian @ covariance @ jacobian.T
+    slope = x / z, y / z
+    return np.array(slope), _carried(rows, slope, z, covariance)
 
 
 def from_world(ned_from_camera: Array, slope: Array, covariance: Array) -> tuple[float, float, Array] | None:
     """(a, b) in the camera frame and their covariance; None where the surface is edge-on."""
-    n = ned_from_camera.T @ np.array((slope[0], slope[1], 1.0))
-    if n[2] < 0.1:
+    rows = ned_from_camera.T.tolist()
+    sx, sy = slope.tolist()
+    x, y, z = (x * sx + y * sy + z for x, y, z in rows)
+    if z < 0.1:
         return None
-    tangent = n[:2] / n[2]
-    camera_from_ned = ned_from_camera.T
-    jacobian = -(camera_from_ned[:2, :2] - np.outer(tangent, camera_from_ned[2, :2])) / n[2]
-    return -float(tangent[0]), -float(tangent[1]), jacobian @ covariance @ jacobian.T
+    tangent = x / z, y / z
+    # (a, b) are the negative tangents: their covariance is the same
+    return -tangent[0], -tangent[1], _carried(rows, tangent, z, covariance)
+
+
+def _carried(rows: list[list[float]], slope: tuple[float, float], depth: float, covariance: Array) -> Array:
+    """Covariance (2, 2) of a normal's slope tangents after a rotation of these ``rows``, where they are ``slope``."""
+    third = rows[2]
+    (ax, ay), (bx, by) = (
+        [(row[k] - tangent * third[k]) / depth for k in (0, 1)]
+        for row, tangent in zip(rows, slope, strict=False)
+    )
+    (xx, xy), (_, yy) = covariance.tolist()
+    ux, uy, vx, vy = ax * xx + ay * xy, ax * xy + ay * yy, bx * xx + by * xy, bx * xy + by * yy
+    across = ux * bx + uy * by
+    return np.array(((ux * ax + uy * ay, across), (across, vx * bx + vy * by)))
 
 
 def _inverse(m: Array) -> Array:
-    """Inverses of symmetric matrices (k, 2, 2)."""
-    a, b, d = m[:, 0, 0], m[:, 0, 1], m[:, 1, 1]
-    determinant = a * d - b * b
-    out = np.empty_like(m)
-    out[:, 0, 0], out[:, 1, 1] = d / determinant, a / determinant
-    out[:, 0, 1] = out[:, 1, 0] = -b / determinant
-    return out
+    """Inverses (3, k) of symmetric matrices xx, xy, yy (3, k)."""
+    out = m[::-1] / (m[0] * m[2] - m[1] * m[1])
+    np.negative(out[1], out=out[1])
+    return np.asarray(out)
+
+
+def _product(m: Array, v: Array) -> Array:
+    """Symmetric matrices (3, k) times vectors (2, k)."""
+    return m[:2] * v[0] + m[1:] * v[1]
 
 
 def slope_std(covariance: Array) -> float:
     """Largest standard deviation of a slope covariance (2, 2)."""
-    a, b, d = covariance[0, 0], covariance[0, 1], covariance[1, 1]
+    (a, b), (_, d) = covariance.tolist()
     return math.sqrt(max(0.0, (a + d) / 2 + math.hypot((a - d) / 2, b)))

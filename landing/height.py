@@ -20,17 +20,18 @@ def height(
     ``velocity`` (3,) m/s and ``omega`` (3,) 1/s in the camera frame; the inverse height that fits all three axes
     best, both with their errors. NaN where the motion does not tell it within ``max_relative_std``.
     """
-    speed = math.sqrt(float(velocity @ velocity))
-    if speed <= 0 or not np.isfinite(omega).all():
+    axes = list(zip(velocity.tolist(), omega.tolist(), omega_std.tolist(), strict=True))
+    speed2 = sum(v * v for v, _, _ in axes)
+    inverse = sum(v * w for v, w, _ in axes) / speed2 if speed2 > 0 else math.nan
+    if not math.isfinite(inverse):
         return math.nan, math.nan
-    inverse = float(velocity @ omega) / speed**2
     for _ in range(_ROUNDS):
         if inverse <= 0:
             return math.nan, math.nan
         # an error of the velocity counts by what it makes of omega
-        weight = 1.0 / (omega_std**2 + (velocity_std * inverse) ** 2 + _LEAST**2)
-        information = float((weight * velocity) @ velocity)
-        inverse = float((weight * velocity) @ omega) / information
+        floor = (velocity_std * inverse) ** 2 + _LEAST**2
+        information = sum(v * v / (std * std + floor) for v, _, std in axes)
+        inverse = sum(v * w / (std * std + floor) for v, w, std in axes) / information
     relative = 1.0 / (math.sqrt(information) * inverse)
     if not 0 < relative <= max_relative_std:
         return math.nan, math.nan

@@ -24,6 +24,12 @@ def apply(h: Array, points: Points) -> Points:
     return q[:, :2] / q[:, 2:]
 
 
+def towards(t: Array, normal: Array) -> Array:
+    """I - t n^T (3, 3): points on a plane of the normal n (3,) as seen after a displacement over height t (3,)."""
+    (x, y, z), (a, b, c) = t.tolist(), normal.tolist()
+    return np.array(((1 - x * a, -x * b, -x * c), (-y * a, 1 - y * b, -y * c), (-z * a, -z * b, 1 - z * c)))
+
+
 def least_squares(p: Points, q: Points) -> Array | None:
     """Homography (3, 3) from p to q, both (n, 2) about the origin and of size one; None where they do not tell it."""
     x, y, u, v = p[:, 0], p[:, 1], q[:, 0], q[:, 1]

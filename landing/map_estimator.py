@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from landing.evidence import Evidence, EvidenceOptions, slope_std
-from landing.motion import displacement
 from landing.options import EstimatorOptions
 from landing.plane import Plane, RotationError
 from landing.planefit import FitPrior, PlaneFit, fit_plane
@@ -37,7 +36,7 @@ class MapEstimator:
         self._normal: Array | None = None
         self._weight = np.ones(capacity)
         self._noise = 1.0
-        self._d = np.zeros(3)
+        self._rate = np.full(3, math.nan)
 
     def step(self, views: Views) -> Plane:
         """The plane at the newest frame."""
@@ -52,7 +51,7 @@ class MapEstimator:
         if len(baseline.tracks.slots) < o.min_tracks:
             self._normal = None
             return Plane("too_few_tracks")
-        fit = self._fit(baseline) if flow_px >= o.map_min_flow_px else None
+        fit = self._fit(views, baseline) if flow_px >= o.map_min_flow_px else None
         newest = views.newest
         if fit is not None and newest.ned_from_camera is not None and baseline.derotated:
             self.evidence.add(
@@ -93,7 +92,7 @@ class MapEstimator:
         born = tracker.born[tracker.alive]
         return len(born) > 0 and float((born <= frame).mean()) >= self.options.keep_seen
 
-    def _fit(self, baseline: Baseline) -> PlaneFit | None:
+    def _fit(self, views: Views, baseline: Baseline) -> PlaneFit | None:
         o = self.options
         if baseline.derotated:
             std = np.array((o.rotation_std_rad, o.rotation_std_rad, o.yaw_std_rad))
@@ -103,35 +102,37 @@ class MapEstimator:
         prior = FitPrior(std, o.slope_std, noise_floor=o.noise_floor, noise_cap=o.noise_cap)
         tracks = baseline.tracks
         fit = None
-        if self._normal is not None:
-            weight = self._weight[tracks.slots]
-            near = displacement(
-                tracks.new, baseline.derotated_old[None], self._normal, tracks.whitener, weight
-            )
-            if near is not None:
-                start = near[0][0], -float(self._normal[0]), -float(self._normal[1])
-                fit = self._refine(baseline, prior, start)
+        start = self._predicted(views, baseline.interval_s)
+        if start is not None:
+            fit = self._refine(baseline, prior, start, (self._weight[tracks.slots], self._noise))
         if fit is None or np.count_nonzero(fit.weight) < o.restart_below * len(fit.weight):
             # a wrong plane would otherwise carry itself on
-            other = self._refine(baseline, prior, None)
+            other = self._refine(baseline, prior)
             if fit is None or (other is not None and other.noise < fit.noise):
                 fit = other
         return fit
 
+    def _predicted(self, views: Views, interval_s: float) -> tuple[Array, float, float] | None:
+        """(t, a, b) of the last plane and motion, over ``interval_s``, in the axes of the newest frame."""
+        if self._normal is None or not math.isfinite(self._rate[0]):
+            return None
+        t, normal = self._rate * interval_s, self._normal
+        last_from_new = views.rotation(1)
+        if last_from_new is not None:
+            t, normal = t @ last_from_new, normal @ last_from_new
+        x, y, z = normal.tolist()
+        return t, -x / z, -y / z
+
     def _refine(
-        self, baseline: Baseline, prior: FitPrior, start: tuple[Array, float, float] | None
+        self,
+        baseline: Baseline,
+        prior: FitPrior,
+        start: tuple[Array, float, float] | None = None,
+        carried: tuple[Array, float] | None = None,
     ) -> PlaneFit | None:
-        tracks = baseline.tracks
-        return fit_plane(
-            tracks.new,
-            tracks.old,
-            baseline.old_from_new,
-            tracks.whitener,
-            prior,
-            start,
-            self._d if start else None,
-            self.options.map_cut,
-        )
+        t = baseline.tracks
+        rotation, cut = baseline.old_from_new, self.options.map_cut
+        return fit_plane(t.new, t.old, rotation, t.whitener, prior, start, carried, cut)
 
     def _plane(
         self, views: Views, baseline: Baseline, fit: PlaneFit | None, a: float, b: float, covariance: Array
@@ -142,10 +143,10 @@ class MapEstimator:
             self._weight[:] = 1.0
             self._weight[baseline.tracks.slots] = fit.weight
             self._noise = fit.noise
-            self._d = fit.d
         self._normal = normal
         moving = velocity(views, normal, self._weight, self._noise, baseline.rotation_std_rad, o)
         omega, omega_std = moving if moving is not None else (np.full(3, math.nan), np.full(3, math.nan))
+        self._rate = -omega if fit is None else fit.t / baseline.interval_s
         divergence = float(2 * omega[2] + omega[0] * a + omega[1] * b)
         status = (
             "ok"

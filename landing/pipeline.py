@@ -14,6 +14,7 @@ from landing.decision import against_flat
 from landing.errors import LandingError
 from landing.estimate import SurfaceEstimate, TrackView
 from landing.height import height
+from landing.homography import towards
 from landing.map_estimator import MapEstimator
 from landing.observation import Observation
 from landing.options import EstimatorOptions, Options
@@ -88,17 +89,15 @@ class SurfacePipeline:
 
     def _prediction(self, observation: Observation) -> tuple[Array, Array] | None:
         """This frame's normalised points from the last's: homographies of the last plane and of what is far away."""
-        if not self.views.tracker.frame >= 0 or observation.ned_from_body is None:
+        if self._motion is None or not self.views.tracker.frame >= 0 or observation.ned_from_body is None:
             return None
         last = self.views.newest
         if last.ned_from_camera is None:
             return None
         new_from_last = (observation.ned_from_body @ self.camera.body_from_camera).T @ last.ned_from_camera
-        if self._motion is None:
-            return None
         omega, normal = self._motion
-        moved = omega * (observation.time_s - last.time_s)
-        return new_from_last @ (np.eye(3) - np.outer(moved, normal)), new_from_last
+        moved = towards(omega * (observation.time_s - last.time_s), normal)
+        return new_from_last @ moved, new_from_last
 
     def _estimate(self, observation: Observation, plane: Plane) -> SurfaceEstimate:
         o = self.options.estimator
@@ -206,19 +205,20 @@ class SurfacePipeline:
     def _track_view(self, plane: Plane, relief_: Relief | None) -> TrackView:
         tracker, limit = self.views.tracker, self.options.estimator.standing_height
         everywhere = np.full(len(tracker.alive), math.nan)
+        slots, inlier = plane.slots, plane.inlier
         if relief_ is not None:
             everywhere[relief_.slots] = relief_.height
-        inliers = np.zeros(len(tracker.alive), bool)
-        inliers[plane.slots] = plane.inlier
-        # tracks too young for the plane's baseline show their height over a shorter one
-        younger = np.isfinite(everywhere)
-        younger[plane.slots] = False
-        inliers |= younger & (np.abs(everywhere) <= limit)
-        slots = np.concatenate((plane.slots, np.flatnonzero(younger)))
+            # tracks too young for the plane's baseline show their height over a shorter one
+            new = np.isfinite(everywhere)
+            new[slots] = False
+            younger = new.nonzero()[0]
+            slots = np.concatenate((slots, younger))
+            inlier = np.concatenate((inlier, np.abs(everywhere.take(younger)) <= limit))
         if not len(slots):
-            slots = np.flatnonzero(tracker.alive)
+            slots = tracker.alive.nonzero()[0]
+            inlier = np.zeros(len(slots), bool)
         gap = min(plane.gap or 1, tracker.longest())
-        now = tracker.pixels[slots].astype(np.float64)
-        before = tracker.pixel_history[(tracker.frame - gap) % tracker.HISTORY, slots].astype(np.float64)
-        there = np.isfinite(before) & (tracker.born[slots] <= tracker.frame - gap)[:, None]
-        return TrackView(np.where(there, before, now), now, inliers[slots], everywhere[slots])
+        now = tracker.pixels.take(slots, 0).astype(np.float64)
+        before = tracker.pixel_history[(tracker.frame - gap) % tracker.HISTORY].take(slots, 0)
+        there = (tracker.born.take(slots) <= tracker.frame - gap)[:, None]
+        return TrackView(np.where(there, before, now), now, inlier, everywhere.take(slots))

@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from landing.homography import robust
-from landing.rotations import exp_so3
+from landing.homography import robust, towards
+from landing.rotations import exp_so3, skew
 
 Points = NDArray[np.float64]
 Array = NDArray[np.float64]
@@ -28,10 +28,11 @@ _SHARE = 1 - _TRUNCATION * math.exp(-_TRUNCATION) / (1 - math.exp(-_TRUNCATION))
 
 _SCALE_ROUNDS, _SCALE_SETTLED = 4, 0.01
 
-_NEXT, _NEXT2 = np.array((1, 2, 0)), np.array((2, 0, 1))
-
 PARAMETERS = 8
 """t (3), a, b, d (3): the order of ``PlaneFit.covariance``."""
+_ELEMENTS = 9
+_TURNS = np.stack([skew(axis) for axis in np.eye(3)])
+"""Cross products with the axes (3, 3, 3)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,17 +85,19 @@ def fit_plane(
     whitener: Array,
     prior: FitPrior,
     start: tuple[Array, float, float] | None = None,
-    start_d: Array | None = None,
+    carried: tuple[Array, float] | None = None,
     cut: float = 5.0,
     iterations: int = 15,
-    tolerance: float = 0.3,
+    tolerance: float = 0.45,
 ) -> PlaneFit | None:
     """Fit the plane to tracks ``new`` and ``old`` (n, 2), normalised coordinates of two frames.
 
-    ``whitener`` (3, n) as in ``TrackPair``. ``start`` is (t, a, b), ``start_d`` (3,) the rotation error; without
-    them the fit starts from a robust homography. None with fewer than eight tracks or when no homography explains
-    them. Tukey weights on the length of each residual, cut at ``cut`` times the noise, which is estimated along the
-    way (median, then the inliers'); done when Newton's decrement is below ``tolerance``.
+    ``whitener`` (3, n) as in ``TrackPair``. ``start`` is (t, a, b), ``carried`` the tracks' weights (n,) and the
+    noise that another fit found, which serve for the first step; without a start the fit begins at a robust
+    homography. None with fewer than eight tracks or when no homography explains them. Tukey weights on the length of
+    each residual, cut at ``cut`` times the noise, which is estimated along the way (median, then the inliers'); done
+    when Newton's decrement is below ``tolerance``: the step was then a quarter of a sigma in each parameter, and what
+    is left of it is far less.
     """
     if len(new) < PARAMETERS:
         return None
@@ -105,10 +108,15 @@ def fit_plane(
     problem = _Problem(new, old, old_from_new, whitener, prior)
     x = np.zeros(PARAMETERS)
     x[:3], x[3], x[4] = start
-    if start_d is not None:
-        x[5:] = start_d
+    if carried is not None:
+        # the model is all but linear: with good weights one step leads from afar to the noise's reach
+        hessian, gradient = problem.normal_equations(x, *carried)
+        solved, step = cv2.solve(hessian, gradient[:, None], flags=cv2.DECOMP_CHOLESKY)
+        if not solved:
+            return None
+        x = x + step[:, 0]
     length2 = problem.residual(x)
-    noise = problem.scale(length2, False)
+    noise = problem.scale(length2, carried is not None)
     weight, cost = problem.weigh(x, length2, noise, cut)
     damping, converged = 0.0, False
     for iteration in range(iterations):
@@ -128,7 +136,7 @@ def fit_plane(
         decrement = float(gradient @ step[:, 0])
         x, cost = tried, tried_cost
         damping = damping / 10 if damping > 1e-3 else 0.0
-        converged = iteration > 0 and abs(decrement) < tolerance
+        converged = (iteration > 0 or carried is not None) and abs(decrement) < tolerance
         if converged or iteration < 2:
             # the scale settles first: a cost that changes under way does not converge
             noise = problem.scale(length2, True)
@@ -147,7 +155,7 @@ def fit_plane(
         float(x[4]),
         x[5:].copy(),
         np.asarray(covariance, np.float64),
-        problem.raw.T,
+        problem.raw,
         weight,
         noise,
         old_from_new @ exp_so3(x[5:]),
@@ -157,75 +165,99 @@ def fit_plane(
 
 
 class _Problem:
-    """Residuals, Jacobian and robust scale; arrays have shape (2, n) or (3, n) so that rows are contiguous."""
+    """Residuals, Gauss-Newton equations and robust scale; arrays have shape (2, n) or (3, n): rows are contiguous.
+
+    All tracks are projected by one matrix M = R (I - t n^T), so the equations are built for its nine elements and then
+    taken to the eight parameters by the derivatives of M.
+    """
 
     def __init__(
         self, new: Points, old: Points, old_from_new: Array, whitener: Array, prior: FitPrior
     ) -> None:
         n = len(new)
-        self.p = np.ones((3, n))
-        self.p[:2] = new.T
-        self.q = np.ascontiguousarray(old.T)
+        self.p = np.empty((3, n))
+        self.p[:2], self.p[2] = new.T, 1.0
+        self.q = old.T
         self.rotation0, self.prior = old_from_new, prior
         self.c11, self.c12, self.c22 = whitener
-        self.precision = np.full(PARAMETERS, prior.displacement_std**-2.0)
+        # C of the unit vectors and of the projection, negative: what an element of M's rows does, over the depth
+        self.columns = np.empty((3, 2, n))
+        self.columns[0, 0], self.columns[0, 1] = self.c11, 0.0
+        self.columns[1] = whitener[1:]
+        self.observed = np.empty((2, n))
+        np.multiply(self.c11, self.q[0], out=self.observed[0])
+        self.observed[0] += self.c12 * self.q[1]
+        np.multiply(self.c22, self.q[1], out=self.observed[1])
+        self.precision = np.empty(PARAMETERS)
+        self.precision[:3] = prior.displacement_std**-2.0
         self.precision[3:5] = prior.slope_std**-2.0
         self.precision[5:] = prior.rotation_std**-2.0
-        self.rows = np.empty((PARAMETERS + 1, 2, n))
-        self.whitened = self.rows[PARAMETERS]
+        self.rows = np.empty((_ELEMENTS + 1, 2, n))
+        self.whitened = self.rows[_ELEMENTS]
+        self.derivatives = np.zeros((PARAMETERS, 3, 3))
         self.at: Array | None = None
 
     def residual(self, x: Array) -> Array:
-        """Squared length (n,) of observed minus predicted in the old frame, whitened; ``raw`` keeps it as it is."""
+        """Squared length (n,) of observed minus predicted in the old frame, whitened."""
         self.at = x
-        self.rotation = self.rotation0 @ exp_so3(x[5:])
-        self.depth = np.array((-x[3], -x[4], 1.0)) @ self.p
-        self.seen = self.p - np.multiply.outer(x[:3], self.depth)
-        there = self.rotation @ self.seen
+        self.rotation = np.dot(self.rotation0, exp_so3(x[5:]))
+        self.to_seen = towards(x[:3], np.array((-x[3], -x[4], 1.0)))
+        there = np.dot(np.dot(self.rotation, self.to_seen), self.p)
         self.inverse = 1.0 / there[2]
-        self.projected = there[:2] * self.inverse
-        self.raw = self.q - self.projected
-        out = self.whitened
-        np.multiply(self.c11, self.raw[0], out=out[0])
-        out[0] += self.c12 * self.raw[1]
-        np.multiply(self.c22, self.raw[1], out=out[1])
+        u, v = self.projected = there[:2] * self.inverse
+        seen, out = self.columns[2], self.whitened
+        np.multiply(self.c11, u, out=seen[0])
+        seen[0] += self.c12 * v
+        np.multiply(self.c22, v, out=seen[1])
+        np.subtract(self.observed, seen, out=out)
         square = out * out
         return np.add(square[0], square[1])
+
+    @property
+    def raw(self) -> Points:
+        """Observed minus predicted (n, 2), normalised."""
+        return (self.q - self.projected).T
 
     def normal_equations(self, x: Array, weight: Array, noise: float) -> tuple[Array, Array]:
         """Gauss-Newton matrix (8, 8) and right-hand side (8,) at x."""
         if self.at is not x:
             self.residual(x)
-        rotation, seen, j = self.rotation, self.seen, self.rows
-        # d projection / d seen, whitened: (3, 2, n)
-        g = rotation[:2].T[:, :, None] - rotation[2][:, None, None] * self.projected
-        g *= self.inverse
-        g[:, 0] *= self.c11
-        g[:, 0] += self.c12 * g[:, 1]
-        g[:, 1] *= self.c22
-        np.multiply(g, -self.depth, out=j[0:3])
-        np.multiply((x[:3] @ g.reshape(3, -1)).reshape(2, -1), self.p[:2, None], out=j[3:5])
-        # seen cross g: what a small turn does
-        np.multiply(g[_NEXT2], seen[_NEXT, None], out=j[5:8])
-        j[5:8] -= g[_NEXT] * seen[_NEXT2, None]
-        weighted = j * (weight * noise**-2)
-        product = weighted[:PARAMETERS].reshape(PARAMETERS, -1) @ j.reshape(PARAMETERS + 1, -1).T
-        hessian = product[:, :PARAMETERS].copy()
+        rows, n = self.rows, len(self.inverse)
+        # (row of M, column of M, u and v, track)
+        elements = rows[:_ELEMENTS].reshape(3, 3, 2, n)
+        np.multiply(self.columns[:, None], (self.p * self.inverse)[None, :, None], out=elements)
+        # the third row lowers what is projected
+        np.negative(elements[2], out=elements[2])
+        weighted = rows[:_ELEMENTS] * (weight * noise**-2)
+        product = np.dot(weighted.reshape(_ELEMENTS, -1), rows.reshape(_ELEMENTS + 1, -1).T)
+        k = self._derivatives(x)
+        reduced = np.dot(k, product)
+        hessian = np.dot(reduced[:, :_ELEMENTS], k.T)
         hessian.ravel()[:: PARAMETERS + 1] += self.precision
-        return hessian, product[:, PARAMETERS] - self.precision * x
+        return hessian, reduced[:, _ELEMENTS] - self.precision * x
+
+    def _derivatives(self, x: Array) -> Array:
+        """d M / d x (8, 9) at x, M row by row."""
+        k, rotation = self.derivatives, self.rotation
+        # M = R - (R t) n^T, n = (-a, -b, 1)
+        np.multiply(rotation.T[:, :, None], np.array((x[3], x[4], -1.0)), out=k[:3])
+        k[3, :, 0] = k[4, :, 1] = np.dot(rotation, x[:3])
+        np.matmul(np.matmul(rotation, _TURNS), self.to_seen, out=k[5:])
+        return k.reshape(PARAMETERS, _ELEMENTS)
 
     def scale(self, length2: Array, refine: bool) -> float:
         """Noise per coordinate: from the median, refined by the mean square of the residuals near it."""
-        middle = len(length2) // 2
-        noise2 = float(np.partition(length2, middle)[middle]) / _MEDIAN
+        rising = np.sort(length2)
+        noise2 = float(rising[len(rising) // 2]) / _MEDIAN
         if refine:
+            total = rising.cumsum()
             # with half the tracks wrong the median is far too large: again until what is inside agrees
             for _ in range(_SCALE_ROUNDS):
-                inside = length2[length2 < noise2 * 2 * _TRUNCATION]
-                if len(inside) <= PARAMETERS:
+                inside = int(rising.searchsorted(noise2 * 2 * _TRUNCATION))
+                if inside <= PARAMETERS:
                     break
                 # about three of the eight parameters' degrees of freedom come off the pairs within the cut
-                last, noise2 = noise2, float(inside.sum()) / (2 * _SHARE * max(len(inside) - 3.0, 1.0))
+                last, noise2 = noise2, float(total[inside - 1]) / (2 * _SHARE * max(inside - 3.0, 1.0))
                 if abs(noise2 - last) < _SCALE_SETTLED * last:
                     break
         floor, cap = self.prior.noise_floor, self.prior.noise_cap
@@ -233,10 +265,10 @@ class _Problem:
 
     def weigh(self, x: Array, length2: Array, noise: float, cut: float) -> tuple[Array, float]:
         """Tukey's weights (n,) and the cost at x."""
-        left = np.maximum(1.0 - length2 * (1.0 / (cut * noise) ** 2), 0.0)
+        left = np.maximum(1.0 - length2 * (cut * noise) ** -2.0, 0.0)
         weight = left * left
-        tukey = (len(left) - float(weight @ left)) * cut**2 / 6
-        return weight, tukey + 0.5 * float(self.precision @ (x * x))
+        tukey = (len(left) - float(np.dot(weight, left))) * cut**2 / 6
+        return weight, tukey + 0.5 * float(np.dot(self.precision, x * x))
 
 
 def start_from_homography(new: Points, old: Points, old_from_new: Array) -> tuple[Array, float, float] | None:

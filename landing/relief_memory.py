@@ -26,8 +26,8 @@ class Cells:
 
     def of(self, pixel: NDArray[np.floating]) -> NDArray[np.int64]:
         """The cell (n,) of each pixel (n, 2)."""
-        place = (np.minimum(np.maximum(pixel, 0), self._last) // self._side_px).astype(np.int64)
-        return place[:, 1] * self._columns + place[:, 0]
+        column, row = (np.minimum(np.maximum(pixel, 0), self._last) / self._side_px).astype(np.int64).T
+        return np.asarray(row * self._columns + column)
 
     def marked(self, cell: NDArray[np.int64]) -> Marks:
         """Which of all cells occur in ``cell`` (n,)."""

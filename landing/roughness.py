@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from landing.camera import CameraModel
-from landing.motion import displacement, rotation_flow
+from landing.motion import displacement, whitened
 from landing.options import EstimatorOptions
 from landing.plane import Plane
 from landing.relief_memory import Cells, ReliefMemory
@@ -223,22 +223,30 @@ def heights(
     ``new`` and ``old`` (n, 2), the old places derotated; ``motion`` (n, 6) is what ``displacement`` found for each
     track's gap: displacement over height and error of the rotation.
     """
-    depth = normal[2] + new @ normal[:2]
-    t = motion[:, :3]
+    at, (tx, ty, tz, wx, wy, wz) = np.ascontiguousarray(old.T), np.ascontiguousarray(motion.T)
+    x, y = at
+    depth = normal[2] + np.dot(new, normal[:2])
+    # displacement over the plane, and what is left of the one seen; u before v, whitened below
+    both = np.empty((2, 2, len(new)))
+    along, left = both
     # (x' - x) = d (1 + e) (x' tz - tx): linear in the height e as well
-    u = depth * (old[:, 0] * t[:, 2] - t[:, 0])
-    v = depth * (old[:, 1] * t[:, 2] - t[:, 1])
-    ru, rv = old[:, 0] - new[:, 0] - u, old[:, 1] - new[:, 1] - v
-    for (du, dv), angle in zip(rotation_flow(old[:, 0], old[:, 1]), motion[:, 3:].T, strict=True):
-        ru -= du * angle
-        rv -= dv * angle
-    c11, c12, c22 = whitener
-    gu, gv = c11 * u + c12 * v, c22 * v
-    ru, rv = c11 * ru + c12 * rv, c22 * rv
-    information = np.maximum(gu**2 + gv**2, 1e-12)
+    np.multiply(at, tz, out=along)
+    along[0] -= tx
+    along[1] -= ty
+    along *= depth
+    np.subtract(at, new.T, out=left)
+    left -= along
+    left -= at * (x * wy - y * wx)
+    left[0] -= wy - y * wz
+    left[1] += wx - x * wz
+    whitened(both[:, 0].copy(), both[:, 1], whitener, both)
+    gu, gv = along
+    square = along * along
+    information = np.maximum(square[0] + square[1], 1e-12)
     length = np.sqrt(information)
-    across = np.abs(gu * rv - gv * ru) / length
+    across = np.abs(gu * left[1] - gv * left[0]) / length
     noise = max(float(np.partition(across, len(across) // 2)[len(across) // 2]) * 1.4826, options.noise_floor)
-    scale = 1.0 / math.sqrt(float(normal @ normal))
-    height = (gu * ru + gv * rv) / information * scale
-    return height, noise / length * scale, across > options.gross_sigmas * noise
+    scale = 1.0 / math.sqrt(float(np.dot(normal, normal)))
+    np.multiply(along, left, out=square)
+    height = (square[0] + square[1]) / information * scale
+    return height, (noise * scale) / length, across > options.gross_sigmas * noise

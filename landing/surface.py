@@ -33,37 +33,40 @@ def surface_in_ned(
     The standard deviation is the root of the expected squared error: near level both axes count, because any
     error tilts the normal away from the vertical; on a slope only the error along the slope counts.
     """
-    n = np.array((-a, -b, 1.0))
-    down = ned_from_camera @ n
-    down /= math.sqrt(float(n @ n))
-    if down[2] < 0:
-        down = -down
-    horizontal = math.hypot(down[0], down[1])
-    inclination = math.atan2(horizontal, down[2])
+    length = math.sqrt(a * a + b * b + 1)
+    rows = ned_from_camera.tolist()
+    north, east, down = ((z - x * a - y * b) / length for x, y, z in rows)
+    horizontal = math.hypot(north, east)
+    along = (north / horizontal, east / horizontal) if horizontal > 1e-9 else (1.0, 0.0)
     # error of the unit normal, in ned: the part along and across the slope
-    length2 = float(n @ n)
-    jacobian = np.array(((-1.0, 0.0), (0.0, -1.0), (0.0, 0.0))) / math.sqrt(length2)
-    jacobian = jacobian - np.outer(n, n @ jacobian) / length2
-    spread = ned_from_camera @ (jacobian @ covariance @ jacobian.T) @ ned_from_camera.T
-    along = np.array((down[0], down[1])) / horizontal if horizontal > 1e-9 else np.array((1.0, 0.0))
-    across = np.array((-along[1], along[0]))
+    of_a, of_b = (
+        [(row[k] + unit * tangent / length) / length for row, unit in zip(rows, (north, east), strict=False)]
+        for k, tangent in enumerate((a, b))
+    )
+    (aa, ab), (_, bb) = covariance.tolist()
+
+    def variance(x: float, y: float) -> float:
+        u, v = x * of_a[0] + y * of_a[1], x * of_b[0] + y * of_b[1]
+        return u * u * aa + 2 * u * v * ab + v * v * bb
+
     var_attitude = attitude_std_rad**2
-    tilt = spread[:2, :2]
-    cos2 = max(down[2] ** 2, 1e-6)
-    var_along = float(along @ tilt @ along) / cos2 + var_attitude
-    var_across = float(across @ tilt @ across) + var_attitude
+    var_along = variance(*along) / max(down**2, 1e-6) + var_attitude
+    var_across = variance(-along[1], along[0]) + var_attitude
+    if down < 0:
+        north, east, down = -north, -east, -down
     # E[(|s + e| - s)^2] between the two limits: s = 0 gives both variances, large s the one along the slope. What is
     # measured is |s + e|: near level it is mostly error, and no evidence of a slope.
     slope2 = max(horizontal**2 - var_along - var_across, 0.0)
     share = (var_across / (var_across + slope2)) ** 2 if var_across > 0 else 0.0
     std = math.sqrt(var_along + share * var_across)
-    return math.degrees(inclination), math.degrees(std), math.degrees(math.atan2(-down[1], -down[0])) % 360
+    inclination, bearing = math.atan2(horizontal, down), math.atan2(-east, -north)
+    return math.degrees(inclination), math.degrees(std), math.degrees(bearing) % 360
 
 
 def slopes_in_body(a: float, b: float, body_from_camera: Array) -> tuple[float, float]:
     """Slope angles (rad) of the surface along body x and body y: dz/dx and dz/dy of the plane, arc tangent."""
-    n = body_from_camera @ np.array((-a, -b, 1.0))
-    return math.atan2(-n[0], n[2]), math.atan2(-n[1], n[2])
+    x, y, z = (z - x * a - y * b for x, y, z in body_from_camera.tolist())
+    return math.atan2(-x, z), math.atan2(-y, z)
 
 
 def surface(

@@ -75,6 +75,8 @@ class FeatureTracker:
         self._rows, self._cols = camera.height // self._cell, camera.width // self._cell
         self._top = (camera.height - self._rows * self._cell) // 2
         self._left = (camera.width - self._cols * self._cell) // 2
+        self._first = np.array((self._left, self._top), np.float32)
+        self._last_cell = np.array((self._cols - 1, self._rows - 1), np.float32)
         self._open, self._members = self._places()
 
     def reset(self) -> None:
@@ -104,10 +106,12 @@ class FeatureTracker:
 
     def pair(self, gap: int) -> TrackPair:
         """The tracks common to the newest frame and the one ``gap`` frames older."""
-        slots = np.flatnonzero(self.alive & (self.born <= self.frame - gap))
-        new = self.history[self.frame % self.HISTORY, slots]
-        old = self.history[(self.frame - gap) % self.HISTORY, slots]
-        return TrackPair(gap, slots, new, old, self.whitener[:, slots])
+        return self.over(gap, (self.alive & (self.born <= self.frame - gap)).nonzero()[0])
+
+    def over(self, gap: int, slots: NDArray[np.intp]) -> TrackPair:
+        """The tracks ``slots`` in the newest frame and in the one ``gap`` frames older, NaN where they are younger."""
+        new, old = (self.history[(self.frame - k) % self.HISTORY].take(slots, 0) for k in (0, gap))
+        return TrackPair(gap, slots, new, old, self.whitener.take(slots, 1))
 
     def longest(self) -> int:
         """The largest gap that the history holds."""
@@ -115,7 +119,7 @@ class FeatureTracker:
 
     def coverage(self) -> float:
         """Share of the grid's cells that hold a track."""
-        return float(self._occupied().sum()) / (self._rows * self._cols)
+        return int(np.count_nonzero(self._occupied())) / (self._rows * self._cols)
 
     def _prepared(self, image: Image) -> Image:
         """The image with its local mean taken out, stretched to a fixed contrast, then blurred.
@@ -199,23 +203,21 @@ class FeatureTracker:
     def _changed(self) -> bool:
         """Whether so much of the view is new that corners must be added."""
         o = self.options
-        slots = np.flatnonzero(self.alive)
-        if not len(slots) or len(slots) < o.renew_below * self._reference_count:
+        count = int(np.count_nonzero(self.alive))
+        if not count or count < o.renew_below * self._reference_count:
             return True
         if self.frame - self._reference_frame >= o.renew_after_frames:
             return True
-        moved = _larger(self.pixels[slots] - self._reference_px[slots])
-        return float(np.partition(moved, len(moved) // 2)[len(moved) // 2]) > o.renew_after_cells * self._cell
+        moved = _larger((self.pixels - self._reference_px).compress(self.alive, 0))
+        moved.partition(count // 2)
+        return float(moved[count // 2]) > o.renew_after_cells * self._cell
 
-    def _cells(self, pixels: NDArray[np.float32]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Row and column of the grid's cell of each pixel (n, 2)."""
-        row = ((pixels[:, 1] - self._top) // self._cell).astype(np.int64)
-        column = ((pixels[:, 0] - self._left) // self._cell).astype(np.int64)
-        # twice as fast as clip
-        return (
-            np.minimum(np.maximum(row, 0), self._rows - 1),
-            np.minimum(np.maximum(column, 0), self._cols - 1),
-        )
+    def _cell_of(self, pixels: NDArray[np.float32]) -> NDArray[np.int64]:
+        """The grid's cell, row by row, of each pixel (n, 2)."""
+        # twice as fast as clip, and what is not negative may be cut off instead of rounded down
+        place = np.maximum(pixels - self._first, 0.0) / self._cell
+        column, row = np.minimum(place, self._last_cell).astype(np.int64).T
+        return np.asarray(row * self._cols + column)
 
     def _blocks(self, pixels: NDArray[np.float32]) -> NDArray[np.int64]:
         """Column and row (n, 2) of the structure tensor's block that each pixel (n, 2) lies in."""
@@ -232,11 +234,10 @@ class FeatureTracker:
         middle = np.column_stack((x, y)) * _BLOCK + _MIDDLE
         far_side = np.array((self.camera.width, self.camera.height)) - 1
         inside = np.minimum(middle, far_side - middle).min(axis=1) >= self.options.window_px / 2 + 1
-        first, side = np.array((self._left, self._top)), np.array((self._cols, self._rows)) * self._cell
-        inside &= ((middle >= first) & (middle < first + side)).all(axis=1)
+        side = np.array((self._cols, self._rows)) * self._cell
+        inside &= ((middle >= self._first) & (middle < self._first + side)).all(axis=1)
         place = np.flatnonzero(inside)
-        row, column = self._cells(middle[place].astype(np.float32))
-        cell = row * self._cols + column
+        cell = self._cell_of(middle[place].astype(np.float32))
         order = np.argsort(cell, kind="stable")
         place, cell = place[order], cell[order]
         cells, begin, count = np.unique(cell, return_index=True, return_counts=True)
@@ -244,8 +245,9 @@ class FeatureTracker:
         return cells, place[begin[:, None] + np.minimum(np.arange(most), count[:, None] - 1)]
 
     def _occupied(self) -> NDArray[np.bool_]:
-        cells = np.zeros((self._rows, self._cols), bool)
-        cells[self._cells(self.pixels[self.alive])] = True
+        """Which cells hold a track, row by row."""
+        cells = np.zeros(self._rows * self._cols, bool)
+        cells[self._cell_of(self.pixels.compress(self.alive, 0))] = True
         return cells
 
     def _place(self, image: Image) -> None:
@@ -288,7 +290,7 @@ class FeatureTracker:
         value, place = among[each, best], self._members[each, best]
         # the match's standard deviation along the weak direction must be bearable
         limit = (o.grey_noise / (o.window_px * o.corner_max_std_px)) ** 2
-        found = np.flatnonzero((value > limit) & ~self._occupied().ravel()[self._open])
+        found = np.flatnonzero((value > limit) & ~self._occupied()[self._open])
         place = place[found[np.argsort(-value[found], kind="stable")]]
         v, u = np.divmod(place, strength.shape[1])
         # in the middle of its window's pixels: a template that is not interpolated has half the bias
@@ -313,8 +315,7 @@ class FeatureTracker:
         """Keep the oldest track of each cell, to make room where there is none."""
         slots = np.flatnonzero(self.alive)
         slots = slots[np.argsort(self.born[slots], kind="stable")]
-        row, column = self._cells(self.pixels[slots])
-        _, first = np.unique(row * self._cols + column, return_index=True)
+        _, first = np.unique(self._cell_of(self.pixels[slots]), return_index=True)
         extra = np.ones(len(slots), bool)
         extra[first] = False
         self.alive[slots[extra]] = False

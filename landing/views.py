@@ -1,5 +1,6 @@
 """The last frames as the estimators see them: tracks, times and attitudes of each."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -40,8 +41,7 @@ class View:
 class Baseline:
     """Two exposures and the tracks common to both.
 
-    ``old_from_new`` (3, 3) is the measured rotation, or the identity when ``derotated`` is false;
-    ``derotated_old`` (n, 2) the old points turned into the newest camera's axes.
+    ``old_from_new`` (3, 3) is the measured rotation, or the identity when ``derotated`` is false.
     """
 
     gap: int
@@ -50,7 +50,11 @@ class Baseline:
     old_from_new: Array
     derotated: bool
     rotation_std_rad: float
-    derotated_old: Array
+
+    @property
+    def derotated_old(self) -> Array:
+        """The old points (n, 2) turned into the newest camera's axes."""
+        return derotate(self.tracks.old, self.old_from_new)
 
     @property
     def flow(self) -> Array:
@@ -158,14 +162,14 @@ class Views:
             tracks = self.tracker.pair(longest)
         else:
             tracker = self.tracker
-            new, old = (tracker.history[(tracker.frame - k) % tracker.HISTORY, slots] for k in (0, longest))
-            tracks = TrackPair(longest, slots, new, old, tracker.whitener[:, slots])
+            tracks = tracker.over(longest, slots)
         return tracks, self._derotated(gaps, tracks.slots)
 
     def reach(self, span_s: float) -> int:
         """The largest gap within ``span_s`` of the newest frame, at least one."""
-        oldest_s, gap = self.newest.time_s - span_s, 1
-        while gap < self.longest and self.view(gap + 1).time_s >= oldest_s:
+        views, longest = self._views, self.longest
+        oldest_s, gap = views[-1].time_s - span_s, 1
+        while gap < longest and views[-2 - gap].time_s >= oldest_s:
             gap += 1
         return gap
 
@@ -186,16 +190,17 @@ class Views:
         if ned_from_camera is None or len(known) < len(views):
             return None
         velocity, time_s = np.array(known), np.array([v.time_s for v in views])
-        interval_s = np.diff(time_s)[:, None]
-        if (np.abs(velocity[1:] - velocity[:-1]) > max_acceleration * -interval_s).any():
+        newer, older = velocity[:-1], velocity[1:]
+        interval_s = (time_s[1:] - time_s[:-1])[:, None]
+        if (np.abs(older - newer) > max_acceleration * -interval_s).any():
             return None
         # by the trapezium rule
-        steps = ((velocity[1:] + velocity[:-1]) / 2 - velocity[0]) * interval_s
+        steps = ((older + newer) / 2 - velocity[0]) * interval_s
         return velocity[0] @ ned_from_camera, steps.cumsum(axis=0)[gaps - 1] @ ned_from_camera
 
     def baseline_std(self, gap: int) -> float:
         """Standard deviation (rad, per axis) of the measured rotation over ``gap`` frames."""
-        return float(np.hypot(self.view(gap).rotation_std_rad, self.newest.rotation_std_rad) / np.sqrt(2))
+        return math.hypot(self.view(gap).rotation_std_rad, self.newest.rotation_std_rad) / math.sqrt(2)
 
     def _turn(self, frame: int, turn: Array | None) -> None:
         """Turn the tracks of a frame into the world's axes."""
@@ -222,18 +227,21 @@ class Views:
         which is always there; the flow is that of about ``sample`` tracks which reach back over all of them.
         """
         tracker = self.tracker
-        slots = np.flatnonzero(tracker.alive)
-        age = tracker.frame - tracker.born[slots]
+        slots = tracker.alive.nonzero()[0]
+        age = tracker.frame - tracker.born.take(slots)
         gaps = _GAPS[self.longest >= _GAPS]
-        count = len(age) - np.searchsorted(np.sort(age), gaps).astype(np.float64)
+        rising = np.sort(age)
+        count = len(age) - rising.searchsorted(gaps).astype(np.float64)
+        # it falls with the gap
         reach = max(1, int(np.count_nonzero(count >= max(least, share * count[0]))))
         gaps, count = gaps[:reach], count[:reach]
         slots = slots[age >= gaps[-1]]
         slots = slots[:: max(1, len(slots) // sample)]
         if not len(slots):
             return gaps, count, np.zeros(reach)
-        moved = self._derotated(gaps, slots) - tracker.history[tracker.frame % tracker.HISTORY, slots]
-        return gaps, count, np.sqrt((moved * moved).sum(axis=(1, 2)) / len(slots))
+        moved = self._derotated(gaps, slots) - tracker.history[tracker.frame % tracker.HISTORY].take(slots, 0)
+        moved *= moved
+        return gaps, count, np.sqrt((moved[..., 0] + moved[..., 1]).sum(axis=1) / len(slots))
 
     def baseline(self, gap: int) -> Baseline:
         """The newest frame against the one ``gap`` frames older."""
@@ -247,7 +255,6 @@ class Views:
             rotation,
             measured is not None,
             self.baseline_std(gap),
-            derotate(tracks.old, rotation),
         )
 
 
