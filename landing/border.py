@@ -16,11 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from landing.camera import CameraModel
-from landing.homography import Warp, apply
+from landing.homography import Warp, apply, towards
 from landing.motion import displacement
 from landing.options import EstimatorOptions
 from landing.plane import Plane
-from landing.rotations import exp_so3
 from landing.views import Views
 
 Array = NDArray[np.float64]
@@ -170,24 +169,16 @@ class Border:
         rotations = [rotation for gap in gaps if (rotation := views.rotation(gap)) is not None]
         if not gaps or len(rotations) < len(gaps):
             return []
-        o = self.options
         tracks, derotated = views.stack(np.array(gaps))
-        found = displacement(
-            tracks.new,
-            derotated,
-            plane.normal,
-            tracks.whitener,
-            plane.weights(len(views.tracker.alive))[tracks.slots],
-            np.hypot((o.rotation_std_rad, o.rotation_std_rad, o.yaw_std_rad), views.baseline_std(gaps[-1])),
-        )
+        # over so short a time a rotation's error is small, and common to both strips
+        weight = plane.weights(len(views.tracker.alive)).take(tracks.slots)
+        found = displacement(tracks.new, derotated, plane.normal, tracks.whitener, weight)
         if found is None:
             return []
-        out = []
-        for gap, rotation, moved in zip(gaps, rotations, found[0], strict=True):
-            t, error = np.split(moved, 2)
-            far_away = rotation @ exp_so3(error)
-            out.append(_Before(gap, far_away - np.outer(far_away @ t, plane.normal), far_away))
-        return out
+        return [
+            _Before(gap, rotation @ towards(t, plane.normal), rotation)
+            for gap, rotation, t in zip(gaps, rotations, found[0], strict=True)
+        ]
 
     def _places(self, befores: list[_Before]) -> list[_Place]:
         """The strips at the sides where ground comes in."""
@@ -217,25 +208,28 @@ class Border:
             side.lines(cv2.Scharr(around, cv2.CV_32F, *d, scale=1 / 32)[1:-1, 1:-1]) for d in ((1, 0), (0, 1))
         )
         left = side.lines(cv2.subtract(new[rows, columns], warped, dtype=cv2.CV_32F))
-        # what unit height changes, and what has changed
-        outer, inner = (
-            np.stack((gx[part] * shift[:, :1] + gy[part] * shift[:, 1:], left[part]))
-            for part, shift in zip((slice(0, _DEPTH), _REFERENCE), place.parallax, strict=True)
-        )
-        outer -= outer.mean(axis=(1, 3), keepdims=True)
-        blocks = outer.transpose(2, 0, 1, 3).reshape(side.blocks, 2, -1)
-        product = blocks @ blocks.transpose(0, 2, 1)
-        square, cross = np.maximum(product[:, 0, 0], 1e-9), product[:, 0, 1]
+        # in each block what unit height changes, what has changed, and what is the same everywhere
+        rows_of = np.ones((side.blocks, 3, _DEPTH, _LENGTH), np.float32)
+        outer, shift = slice(0, _DEPTH), place.parallax[0]
+        rows_of[:, 0] = (gx[outer] * shift[:, :1] + gy[outer] * shift[:, 1:]).transpose(1, 0, 2)
+        rows_of[:, 1] = left[outer].transpose(1, 0, 2)
+        flat = rows_of.reshape(side.blocks, 3, -1)
+        product = np.matmul(flat[:, :2], flat.transpose(0, 2, 1))
+        pixels = _DEPTH * _LENGTH
+        square = np.maximum(product[:, 0, 0] - product[:, 0, 2] ** 2 / pixels, 1e-9)
+        cross = product[:, 0, 1] - product[:, 0, 2] * product[:, 1, 2] / pixels
         height = cross / square
-        noise = np.maximum(product[:, 1, 1] - height * cross, 0.0) / (_DEPTH * _LENGTH * square)
+        rest = product[:, 1, 1] - product[:, 1, 2] ** 2 / pixels - height * cross
+        noise = np.maximum(rest, 0.0) / (pixels * square)
         locking2 = o.border_locking_px**2 / np.maximum((place.parallax[0] ** 2).sum(axis=1), 1e-6)
         beside = side.lines(places[..., side.axis])[:_DEPTH]
         seen = (beside.min(axis=(0, 2)) >= 0) & (beside.max(axis=(0, 2)) <= side.across_px - 1)
         information = np.where(seen, 1 / (o.border_noise**2 * noise + locking2), 0.0)
         # of the inner strip as a whole
-        inner -= inner.mean(axis=(1, 2, 3), keepdims=True)
-        change, by_height = inner[1].ravel(), inner[0].ravel()
-        common = float(change @ by_height) / max(float(by_height @ by_height), 1e-9)
+        inner, shift = _REFERENCE, place.parallax[1]
+        by_height = (gx[inner] * shift[:, :1] + gy[inner] * shift[:, 1:]).ravel()
+        by_height -= float(by_height.sum()) / len(by_height)
+        common = float(left[inner].ravel() @ by_height) / max(float(by_height @ by_height), 1e-9)
         middles = side.middles[place.begin + _DEPTH // 2]
         return _Strip(height.astype(np.float64) - common, information, middles, place.begin + _DEPTH)
 
@@ -258,7 +252,9 @@ class Border:
     def _learn(self, strip: _Strip) -> None:
         """How much blocks beside each other differ, over their sigma: more in compressed pictures of faint ground."""
         seen = strip.information > 0
-        if np.count_nonzero(seen) >= _RUN:
-            height = strip.height[seen]
-            away = np.abs(height - np.median(height)) * np.sqrt(strip.information[seen])
-            self._scatter += _LEARNT * (float(np.median(away)) * _MEDIAN_TO_STD - self._scatter)
+        height = strip.height[seen]
+        middle = len(height) // 2
+        if len(height) >= _RUN:
+            away = np.abs(height - np.partition(height, middle)[middle]) * np.sqrt(strip.information[seen])
+            typical = float(np.partition(away, middle)[middle]) * _MEDIAN_TO_STD
+            self._scatter += _LEARNT * (typical - self._scatter)

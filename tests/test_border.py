@@ -36,10 +36,14 @@ def test_what_comes_in_is_seen_at_once(side: str):
     first = next(k for k, standing in enumerate(found) if standing)
     # as soon as it fills the strip behind what the older frame did not see
     assert comes + 2 <= first <= comes + 4
-    standing = found[first]
+    standing, later = found[first : first + 2]
     assert standing is not None
-    assert standing.height == pytest.approx(RELIEF, abs=0.12)
+    assert later is not None
+    # its outermost line came from beyond the older picture and counts too much, until it is a little further in
+    assert standing.height >= RELIEF - 0.12
+    assert later.height == pytest.approx(RELIEF, abs=0.12)
     assert not standing.lasting
+    assert later.lasting
     assert standing.mean_square > Options().decision.max_roughness ** 2
     axis, place = {"right": (0, WIDTH), "left": (0, 0), "bottom": (1, HEIGHT), "top": (1, 0)}[side]
     assert np.abs(standing.pixels[:, axis] - place).max() < 20
