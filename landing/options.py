@@ -188,6 +188,16 @@ class EstimatorOptions:
     border_unlike_sigmas: Annotated[
         float, Limits(1, 20, "sigma", "the same over how much it usually changes there")
     ] = 2.5
+    brink_sigmas: Annotated[
+        float, Limits(1, 20, "sigma", "mean height of the tracks nearest to a side that stands out")
+    ] = 6.0
+    brink_floor: Annotated[
+        float, Limits(0, 0.1, "", "error of a young track's height, over the distance, beside its own")
+    ] = 0.005
+    brink_tracks: Annotated[int, Limits(2, 100, "", "fewest tracks such a mean is taken of")] = 4
+    brink_share: Annotated[
+        float, Limits(0.02, 0.5, "", "share of the view, from a side, that such a mean reaches into")
+    ] = 0.35
     gross_sigmas: Annotated[
         float, Limits(1, 20, "sigma", "residual across the motion that unmasks an error")
     ] = 4.0

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from landing.border import Border
+from landing.brink import Brink
 from landing.camera import CameraModel
 from landing.decision import against_flat
 from landing.errors import LandingError
@@ -57,6 +58,7 @@ class SurfacePipeline:
         tracking = options.tracking
         self.relief = ReliefMap(options.estimator, camera, tracking.max_features, tracking.window_px / 2)
         self.border = Border(options.estimator, camera)
+        self.brink = Brink(options.estimator, camera)
         self.unlike = Unlike(options.estimator, camera)
         self.time_offset = TimeOffsetFilter(
             options.estimator.time_offset_std_s, options.estimator.time_offset_drift
@@ -145,11 +147,13 @@ class SurfacePipeline:
     def _with_border(self, relief_: Relief, plane: Plane) -> Relief:
         """The relief with what stands at the border of the view, looked for only where the rest is even."""
         standing = self.border.step(self.views, plane)
-        if standing is None:
-            return relief_
-        if standing.lasting:
-            self.relief.memory.add(standing.pixels, standing.height)
-        return replace(relief_, roughness=math.sqrt(relief_.roughness**2 + standing.mean_square))
+        pixels = self.views.tracker.pixels.take(relief_.slots, 0)
+        more = self.brink.step(relief_, pixels, self.border.incoming)
+        if standing is not None:
+            more = max(more, standing.mean_square)
+            if standing.lasting:
+                self.relief.memory.add(standing.pixels, standing.height)
+        return replace(relief_, roughness=math.sqrt(relief_.roughness**2 + more)) if more else relief_
 
     def _surface(self, observation: Observation, plane: Plane, roll: float, pitch: float) -> dict[str, float]:
         """Fields of the estimate that a plane gives."""
