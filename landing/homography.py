@@ -92,9 +92,8 @@ def robust(p: Points, q: Points, hypotheses: int = 96, seed: int = 1) -> Array |
 
 def stretch(h: Array) -> float:
     """How much the homography changes small patterns about the axis: largest change over their size."""
-    centre = h[:2, 2] / h[2, 2]
-    affine = (h[:2, :2] - np.outer(centre, h[2, :2])) / h[2, 2]
-    (a, b), (c, d) = (affine - np.eye(2)).tolist()
+    (a, b, x), (c, d, y), (p, q, w) = h.tolist()
+    a, b, c, d = (a - x / w * p) / w - 1, (b - x / w * q) / w, (c - y / w * p) / w, (d - y / w * q) / w - 1
     # the larger singular value of a (2, 2) matrix
     return (math.hypot(a + d, c - b) + math.hypot(a - d, c + b)) / 2
 

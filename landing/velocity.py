@@ -7,6 +7,7 @@ velocity tells how it changed: slow errors, which spoil the velocity itself, fal
 import math
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -75,7 +76,7 @@ def _guided(
 
 def _gaps(views: Views, span_s: float) -> NDArray[np.intp]:
     reach = views.reach(span_s)
-    return np.array(sorted({max(1, round(part * reach)) for part in _PARTS}), np.intp)
+    return np.array(sorted({max(1, round(part * reach)) for part in _PARTS}))
 
 
 def _moved(
@@ -112,7 +113,7 @@ def _newest(
     weighted = basis / moved.variance.T[:, None]
     information = weighted @ basis.transpose(0, 2, 1)
     information[:, (1, 2), (1, 2)] += 1.0
-    covariance = np.linalg.inv(information)
+    covariance = np.array([cv2.invert(axis, flags=cv2.DECOMP_CHOLESKY)[1] for axis in information])
     found = covariance @ (weighted @ t.T[..., None])
     left = t.T - (found.transpose(0, 2, 1) @ basis)[:, 0]
     chi_square = float((left**2 / moved.variance.T).sum() + (found[:, 1:] ** 2).sum())
