@@ -67,7 +67,7 @@ class Judge:
             text = f"surface {verdict.verdict}: {text}" if text else f"surface {verdict.verdict} for landing"
             details = {"verdict": verdict.verdict, "reasons": list(verdict.reasons)}
             out.append(event("decision_changed", estimate.frame, time_unix_us, text, details))
-        return out + self.decide(now_us, time_unix_us, seen=True)
+        return out + self.decide(now_us, time_unix_us, seen=estimate.flat)
 
     def no_frames(self, now_us: int, time_unix_us: int) -> list[Judgement]:
         """The camera went silent: what was last seen says nothing of what is below now."""
@@ -99,7 +99,7 @@ class Judge:
     def decide(
         self, now_us: int, time_unix_us: int, *, seen: bool = False, always: bool = False
     ) -> list[Judgement]:
-        """Ask the permit and tell the decision when that is due; only what was just ``seen`` makes a request."""
+        """Ask the permit and tell the decision when that is due; only what was just ``seen`` flat makes a request."""
         out: list[Judgement] = []
         permit = self._step_permit(now_us, fit=seen and self._verdict.verdict == "fit")
         if permit.request:

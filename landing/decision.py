@@ -45,9 +45,9 @@ def against_flat(estimate: SurfaceEstimate, options: DecisionOptions, widen: flo
         reasons.append("roughness unknown")
     elif estimate.roughness > roughness_limit:
         sure = estimate.roughness - o.sigmas * estimate.roughness_std > roughness_limit
+        how = "perhaps " if estimate.unsettled else "" if sure else "probably "
         reasons.append(
-            f"{'' if sure else 'probably '}too rough: {estimate.roughness:.4f} of the distance,"
-            f" limit {roughness_limit:.4f}"
+            f"{how}too rough: {estimate.roughness:.4f} of the distance, limit {roughness_limit:.4f}"
         )
     else:
         upper = estimate.roughness + o.roughness_sigmas * estimate.roughness_std
@@ -59,7 +59,7 @@ def against_flat(estimate: SurfaceEstimate, options: DecisionOptions, widen: flo
         reasons.append(f"too rough: {estimate.standing} points stand out, limit {o.max_standing}")
     if estimate.unlike:
         reasons.append(
-            "probably another surface: what comes into view is unlike the rest and not measured yet"
+            "perhaps another surface: what comes into view is unlike the rest and not measured yet"
         )
     if not estimate.coverage >= o.min_coverage:
         reasons.append(

@@ -58,6 +58,8 @@ class SurfaceEstimate:
     fit_error_px: float = NAN
     coverage: float = NAN
     standing: int = 0
+    unsettled: bool = False
+    """What makes it rough has just come into view and was not there in the frame before."""
     unlike: bool = False
     """What has just come into view looks unlike the rest and is not measured yet."""
     flat: bool = False

@@ -64,6 +64,7 @@ class SurfacePipeline:
             options.estimator.time_offset_std_s, options.estimator.time_offset_drift
         )
         self._motion: tuple[Array, Array] | None = None
+        self._stood_out = False
         self._last_s = -math.inf
 
     def step(self, observation: Observation) -> SurfaceEstimate:
@@ -112,9 +113,13 @@ class SurfacePipeline:
             roll, pitch, _ = euler_from_matrix(observation.ned_from_body)
         relief_ = self.relief.step(self.views, plane)
         unlike: set[int] = set()
+        stands_out = False
         if relief_ and relief_.roughness <= self.options.decision.max_roughness:
+            within = relief_
             relief_ = self._with_border(relief_, plane)
+            stands_out = relief_ is not within
             unlike = self.unlike.step(observation.image, self.border.incoming)
+        unsettled, self._stood_out = stands_out and not self._stood_out, stands_out
         known: dict[str, Any] = {}
         if math.isfinite(plane.divergence):
             known = {
@@ -137,6 +142,7 @@ class SurfacePipeline:
             features=int(np.count_nonzero(self.views.tracker.alive)),
             coverage=coverage,
             standing=relief_.standing if relief_ and status == "ok" else 0,
+            unsettled=unsettled,
             unlike=bool(unlike),
             tracks=self._track_view(plane, relief_),
             **known,

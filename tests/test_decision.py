@@ -56,6 +56,14 @@ def test_flat_has_nothing_against_it():
         ({"inclination_std_deg": math.nan}, "inclination uncertain: 3.0 degrees, may be nan, limit 10.0"),
         ({"roughness": 0.02}, "too rough: 0.0200 of the distance, limit 0.0100"),
         ({"roughness": 0.011}, "probably too rough: 0.0110 of the distance, limit 0.0100"),
+        (
+            {"roughness": 0.02, "unsettled": True},
+            "perhaps too rough: 0.0200 of the distance, limit 0.0100",
+        ),
+        (
+            {"unlike": True},
+            "perhaps another surface: what comes into view is unlike the rest and not measured yet",
+        ),
         ({"roughness": math.nan}, "roughness unknown"),
         ({"roughness_std": 0.005}, "roughness uncertain: 0.0020, may be 0.0120, limit 0.0100"),
         ({"roughness_std": math.nan}, "roughness uncertain: 0.0020, may be nan, limit 0.0100"),
@@ -179,3 +187,10 @@ def test_what_is_probably_too_rough_ends_the_verdict_at_once_without_being_calle
     doubtful = replace(FLAT, roughness=0.0125, time_s=1.0)
     assert decider.step(doubtful).verdict == "unknown"
     assert "fit" not in run(decider, [FLAT] * 4, start_s=1.1)
+
+
+def test_what_was_there_in_one_frame_alone_ends_the_verdict_only_when_it_stays():
+    decider = Decider(OPTIONS)
+    passing = replace(FLAT, roughness=0.02, unsettled=True)
+    assert run(decider, [FLAT] * 6 + [passing, FLAT, passing, FLAT])[-5:] == ["fit"] * 5
+    assert run(decider, [passing, replace(passing, unsettled=False)], 1.0) == ["fit", "unfit"]

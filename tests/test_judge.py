@@ -144,6 +144,17 @@ def test_not_enabled_it_only_says_what_it_would_do():
     assert len(requests(scene.run(1))) == 1
 
 
+def test_a_frame_in_doubt_makes_no_request_while_the_verdict_lasts():
+    doubtful = replace(FLAT, roughness=0.02, unsettled=True, flat=False)
+    scene = Scene(enabled=False)
+    scene.run(1.0)
+    scene.judge.set_enabled(True, scene.now_us)
+    out = scene.run(0.1, doubtful)
+    assert last(out).verdict == "fit"
+    assert not requests(out)
+    assert len(requests(scene.run(0.1))) == 1
+
+
 def test_a_new_permission_allows_another_request_once_the_command_has_ended():
     scene = Scene()
     assert len(requests(scene.run(2))) == 1
