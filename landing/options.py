@@ -201,6 +201,9 @@ class EstimatorOptions:
     gross_sigmas: Annotated[
         float, Limits(1, 20, "sigma", "residual across the motion that unmasks an error")
     ] = 4.0
+    gross_share: Annotated[
+        float, Limits(0, 10, "", "the same over that along the motion, below which it is relief all the same")
+    ] = 0.3
     max_roughness_std: Annotated[
         float, Limits(0.0005, 0.1, "", "uncertainty above which roughness is unknown")
     ] = 0.01

@@ -249,4 +249,6 @@ def heights(
     scale = 1.0 / math.sqrt(float(np.dot(normal, normal)))
     np.multiply(along, left, out=square)
     height = (square[0] + square[1]) / information * scale
-    return height, (noise * scale) / length, across > options.gross_sigmas * noise
+    # where a patch lies on a brink or a slope it goes astray a little: still relief as long as it goes along the motion
+    astray = across * length > options.gross_share * np.abs(square[0] + square[1])
+    return height, (noise * scale) / length, astray & (across > options.gross_sigmas * noise)

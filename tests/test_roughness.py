@@ -8,7 +8,7 @@ import synthetic_flow
 
 from landing.options import EstimatorOptions
 from landing.plane import Plane
-from landing.roughness import Relief, ReliefMap
+from landing.roughness import Relief, ReliefMap, heights
 
 OPTIONS = EstimatorOptions()
 RATE_HZ = 30.0
@@ -117,3 +117,20 @@ def test_without_a_plane_there_is_none():
     flight = synthetic_flow.Flight(synthetic_flow.ground(rng, 0, 0, 2.0, 2.0), rng)
     views = flight.step(0.0, np.zeros(3))
     assert ReliefMap(OPTIONS, flight.camera, 300, 8.0).step(views, Plane("motion_too_small")) is None
+
+
+@pytest.mark.parametrize(
+    ("along", "across", "wrong"),
+    [(0.0, 0.0, False), (0.2, 0.0, False), (0.2, 0.03, False), (0.0, 0.03, True), (0.05, 0.05, True)],
+)
+def test_relief_that_goes_astray_a_little_is_no_gross_error(along: float, across: float, wrong: bool):
+    """Shares of the plane's displacement by which one of many points goes along it and across."""
+    rng = np.random.default_rng(2)
+    new, t = rng.uniform(-0.4, 0.4, (60, 2)), np.array((0.1, 0.0, 0.0, 0.0, 0.0, 0.0))
+    old = new - t[:2] + rng.normal(0, 2e-4, new.shape)
+    old[0] = new[0] - t[:2] * (1 + along) + (0.0, across * t[0])
+    whitener = np.array(((1 / 2e-4,), (0.0,), (1 / 2e-4,))) * np.ones(60)
+    height, std, gross = heights(new, old, np.tile(t, (60, 1)), np.array((0.0, 0.0, 1.0)), whitener, OPTIONS)
+    assert gross[0] == wrong
+    assert height[0] == pytest.approx(along, abs=5 * std[0])
+    assert not gross[1:].any()
