@@ -30,7 +30,7 @@ _CLEAR = 1
 """Pixels between what has just come in and the strip: the interpolation's reach."""
 _REFERENCE = slice(8, 18)
 """The strip further in, pixels from the beginning of the outer one."""
-_RUN = 5
+_RUNS = (3, 5)
 """Blocks in a row that are judged together, beside the whole side."""
 _LEAST_PX = 1.0
 """Motion below which nothing comes in."""
@@ -237,7 +237,7 @@ class Border:
         """The runs of blocks that stand out for sure, of each length the one that adds most to the view's relief."""
         out = []
         weighted = strip.height * strip.information
-        for length in {min(_RUN, len(weighted)), len(weighted)}:
+        for length in {*(min(run, len(weighted)) for run in _RUNS), len(weighted)}:
             ones = np.ones(length)
             total = np.maximum(np.convolve(strip.information, ones, "valid"), 1e-9)
             mean = np.convolve(weighted, ones, "valid") / total
@@ -254,7 +254,7 @@ class Border:
         seen = strip.information > 0
         height = strip.height[seen]
         middle = len(height) // 2
-        if len(height) >= _RUN:
+        if len(height) >= _RUNS[-1]:
             away = np.abs(height - np.partition(height, middle)[middle]) * np.sqrt(strip.information[seen])
             typical = float(np.partition(away, middle)[middle]) * _MEDIAN_TO_STD
             self._scatter += _LEARNT * (typical - self._scatter)
