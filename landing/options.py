@@ -252,7 +252,7 @@ class DecisionOptions:
         float, Limits(0.05, 10, "m", "radius of the ground below that must be measured")
     ] = 0.5
     min_area_measured: Annotated[float, Limits(0, 1, "", "smallest measured share of that ground")] = 0.8
-    max_standing: Annotated[int, Limits(0, 100, "", "points that may stand out from a flat surface")] = 1
+    max_standing: Annotated[int, Limits(0, 100, "", "points that may stand out from a flat surface")] = 0
     min_coverage: Annotated[float, Limits(0, 1, "", "smallest share of the image with tracks")] = 0.35
 
 
