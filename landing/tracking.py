@@ -1,4 +1,4 @@
-"""Corners and their tracks: Shi-Tomasi corners spread by a grid, followed by pyramidal Lucas-Kanade.
+"""Tracks of Shi-Tomasi corners, followed by pyramidal Lucas-Kanade.
 
 Each frame is matched against one reference image and not against the frame before, so that errors add up from
 reference to reference only; the reference is renewed, and corners are added in the empty cells of the grid, when the
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from landing.camera import CameraModel
+from landing.corners import Corners, structure_tensor
 from landing.homography import Warp, apply, least_squares, stretch
 from landing.options import TrackingOptions
 
@@ -23,9 +24,6 @@ Image = NDArray[Any]
 
 _CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 0.01)
 _VECTOR = 8
-_BLOCK = 2
-"""Corners are looked for in blocks of so many pixels a side."""
-_MIDDLE = (_BLOCK - 1) / 2
 _GUESS = cv2.OPTFLOW_USE_INITIAL_FLOW
 
 
@@ -71,13 +69,7 @@ class FeatureTracker:
         self._reference_frame = -1
         self._reference_px = np.zeros((n, 2), np.float32)
         self._reference_count = 0
-        self._cell = max(8, round((camera.width * camera.height / (1.15 * n)) ** 0.5))
-        self._rows, self._cols = camera.height // self._cell, camera.width // self._cell
-        self._top = (camera.height - self._rows * self._cell) // 2
-        self._left = (camera.width - self._cols * self._cell) // 2
-        self._first = np.array((self._left, self._top), np.float32)
-        self._last_cell = np.array((self._cols - 1, self._rows - 1), np.float32)
-        self._open, self._members = self._places()
+        self._corners = Corners(camera, options)
 
     def reset(self) -> None:
         """Forget all tracks: the next frame starts anew."""
@@ -119,7 +111,8 @@ class FeatureTracker:
 
     def coverage(self) -> float:
         """Share of the grid's cells that hold a track."""
-        return int(np.count_nonzero(self._occupied())) / (self._rows * self._cols)
+        occupied = self._corners.occupied(self.pixels.compress(self.alive, 0))
+        return int(np.count_nonzero(occupied)) / len(occupied)
 
     def _prepared(self, image: Image) -> Image:
         """The image with its local mean taken out, stretched to a fixed contrast, then blurred.
@@ -210,52 +203,13 @@ class FeatureTracker:
             return True
         moved = _larger((self.pixels - self._reference_px).compress(self.alive, 0))
         moved.partition(count // 2)
-        return float(moved[count // 2]) > o.renew_after_cells * self._cell
-
-    def _cell_of(self, pixels: NDArray[np.float32]) -> NDArray[np.int64]:
-        """The grid's cell, row by row, of each pixel (n, 2)."""
-        # twice as fast as clip, and what is not negative may be cut off instead of rounded down
-        place = np.maximum(pixels - self._first, 0.0) / self._cell
-        column, row = np.minimum(place, self._last_cell).astype(np.int64).T
-        return np.asarray(row * self._cols + column)
-
-    def _blocks(self, pixels: NDArray[np.float32]) -> NDArray[np.int64]:
-        """Column and row (n, 2) of the structure tensor's block that each pixel (n, 2) lies in."""
-        last = (self.camera.width // _BLOCK - 1, self.camera.height // _BLOCK - 1)
-        return ((pixels + 0.5) // _BLOCK).astype(np.int64).clip(0, last)
-
-    def _places(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """The cells (c,) in which a window fits anywhere, and their blocks (c, k) where it does.
-
-        Where a cell has fewer than k the last one is repeated.
-        """
-        columns, rows = self.camera.width // _BLOCK, self.camera.height // _BLOCK
-        y, x = np.divmod(np.arange(rows * columns), columns)
-        middle = np.column_stack((x, y)) * _BLOCK + _MIDDLE
-        far_side = np.array((self.camera.width, self.camera.height)) - 1
-        inside = np.minimum(middle, far_side - middle).min(axis=1) >= self.options.window_px / 2 + 1
-        side = np.array((self._cols, self._rows)) * self._cell
-        inside &= ((middle >= self._first) & (middle < self._first + side)).all(axis=1)
-        place = np.flatnonzero(inside)
-        cell = self._cell_of(middle[place].astype(np.float32))
-        order = np.argsort(cell, kind="stable")
-        place, cell = place[order], cell[order]
-        cells, begin, count = np.unique(cell, return_index=True, return_counts=True)
-        most = int(count.max(initial=1))
-        return cells, place[begin[:, None] + np.minimum(np.arange(most), count[:, None] - 1)]
-
-    def _occupied(self) -> NDArray[np.bool_]:
-        """Which cells hold a track, row by row."""
-        cells = np.zeros(self._rows * self._cols, bool)
-        cells[self._cell_of(self.pixels.compress(self.alive, 0))] = True
-        return cells
+        return float(moved[count // 2]) > o.renew_after_cells * self._corners.cell_px
 
     def _place(self, image: Image) -> None:
         """Take this frame as the reference and put a corner into every cell that has no track."""
-        o = self.options
         self._drop_twins()
         tensor = structure_tensor(image)
-        corners = self._corners(tensor)
+        corners = self._corners.find(tensor, self.pixels.compress(self.alive, 0))
         if len(corners) > int((~self.alive).sum()):
             self._thin_out()
         free = np.flatnonzero(~self.alive)[: len(corners)]
@@ -264,58 +218,16 @@ class FeatureTracker:
         self.born[free] = self.frame
         slots = np.flatnonzero(self.alive)
         if len(slots):
-            side = max(1, o.window_px // 2)
-            x, y = self._blocks(self.pixels[slots]).T
-            around = np.array([cv2.boxFilter(t, -1, (side, side))[y, x] for t in tensor], np.float64)
-            self.whitener[:, slots] = self._whitener(around)
+            self.whitener[:, slots] = self._corners.whitener(tensor, self.pixels[slots])
         self._reference, self._reference_frame = image, self.frame
         self._reference_px[:] = self.pixels
         self._reference_count = len(slots)
-
-    def _corners(self, tensor: tuple[Image, Image, Image]) -> NDArray[np.float32]:
-        """The best corner (n, 2) px of each empty cell, best first (Shi and Tomasi's smaller eigenvalue)."""
-        o = self.options
-        side = max(1, o.corner_px // 2)
-        xx, xy, yy = (cv2.boxFilter(t, -1, (side, side)) for t in tensor)
-        difference = cv2.magnitude(cv2.addWeighted(xx, 0.5, yy, -0.5, 0), xy)
-        strength = cv2.subtract(cv2.addWeighted(xx, 0.5, yy, 0.5, 0), difference)
-        # not beside a track that is there already
-        taken = np.zeros(strength.shape, np.uint8)
-        u, v = self._blocks(self.pixels[self.alive]).T
-        taken[v, u] = 1
-        side = 2 * (o.spacing_px // 2) + 1
-        strength[cv2.dilate(taken, np.ones((side, side), np.uint8)).view(bool)] = 0
-        among = strength.ravel()[self._members]
-        each, best = np.arange(len(among)), among.argmax(axis=1)
-        value, place = among[each, best], self._members[each, best]
-        # the match's standard deviation along the weak direction must be bearable
-        limit = (o.grey_noise / (o.window_px * o.corner_max_std_px)) ** 2
-        found = np.flatnonzero((value > limit) & ~self._occupied()[self._open])
-        place = place[found[np.argsort(-value[found], kind="stable")]]
-        v, u = np.divmod(place, strength.shape[1])
-        # in the middle of its window's pixels: a template that is not interpolated has half the bias
-        middle = _MIDDLE if o.window_px % 2 == 0 else 0.0
-        return np.column_stack((u * _BLOCK + middle, v * _BLOCK + middle)).astype(np.float32)
-
-    def _whitener(self, tensor: Points) -> Points:
-        """c11, c12, c22 (3, n) for mean structure tensors xx, xy, yy (3, n) in grey levels squared per pixel."""
-        o = self.options
-        xx, xy, yy = tensor * (o.window_px / o.grey_noise) ** 2
-        # covariance: grey noise through the texture, and what no texture helps against (deformation, pixel locking)
-        floor = o.match_std_px**2
-        determinant = np.maximum(xx * yy - xy * xy, 1e-9)
-        cxx, cxy, cyy = yy / determinant + floor, -xy / determinant, xx / determinant + floor
-        determinant = cxx * cyy - cxy * cxy
-        ixx, ixy, iyy = cyy / determinant, -cxy / determinant, cxx / determinant
-        c11 = np.sqrt(ixx)
-        c12 = ixy / c11
-        return np.stack((c11, c12, np.sqrt(np.maximum(iyy - c12 * c12, 1e-12)))) * self.camera.focal_px
 
     def _thin_out(self) -> None:
         """Keep the oldest track of each cell, to make room where there is none."""
         slots = np.flatnonzero(self.alive)
         slots = slots[np.argsort(self.born[slots], kind="stable")]
-        _, first = np.unique(self._cell_of(self.pixels[slots]), return_index=True)
+        _, first = np.unique(self._corners.cell_of(self.pixels[slots]), return_index=True)
         extra = np.ones(len(slots), bool)
         extra[first] = False
         self.alive[slots[extra]] = False
@@ -335,14 +247,3 @@ def _larger(way: NDArray[Any]) -> NDArray[Any]:
     """The larger (n,) of the sizes of both components of (n, 2)."""
     size = np.abs(way)
     return np.maximum(size[:, 0], size[:, 1])
-
-
-def structure_tensor(image: Image) -> tuple[Image, Image, Image]:
-    """Means of gx^2, gx gy and gy^2 over blocks of 2 x 2 pixels, grey levels squared per pixel squared."""
-    height, width = (side // _BLOCK * _BLOCK for side in image.shape)
-    gx, gy = cv2.spatialGradient(image[:height, :width])
-    scale = 1 / 64  # the Sobel weights add up to eight
-    size = (width // _BLOCK, height // _BLOCK)
-    products = (cv2.multiply(a, b, scale=scale, dtype=cv2.CV_32F) for a, b in ((gx, gx), (gx, gy), (gy, gy)))
-    xx, xy, yy = (cv2.resize(product, size, interpolation=cv2.INTER_AREA) for product in products)
-    return xx, xy, yy

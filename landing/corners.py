@@ -1,0 +1,128 @@
+"""Shi-Tomasi corners spread over the view by a grid, and what the texture about a place tells of a match."""
+
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from landing.camera import CameraModel
+from landing.options import TrackingOptions
+
+Points = NDArray[np.float64]
+Image = NDArray[Any]
+Tensor = tuple[Image, Image, Image]
+"""xx, xy, yy of the structure tensor, each of half the image's size."""
+
+_BLOCK = 2
+"""Corners are looked for in blocks of so many pixels a side."""
+_MIDDLE = (_BLOCK - 1) / 2
+
+
+class Corners:
+    """Finds corners in the empty cells of a grid over images of one size."""
+
+    def __init__(self, camera: CameraModel, options: TrackingOptions) -> None:
+        self.camera, self.options = camera, options
+        n = options.max_features
+        self.cell_px = max(8, round((camera.width * camera.height / (1.15 * n)) ** 0.5))
+        self._rows, self._cols = camera.height // self.cell_px, camera.width // self.cell_px
+        top = (camera.height - self._rows * self.cell_px) // 2
+        left = (camera.width - self._cols * self.cell_px) // 2
+        self._first = np.array((left, top), np.float32)
+        self._last_cell = np.array((self._cols - 1, self._rows - 1), np.float32)
+        self._open, self._members = self._places()
+
+    def cell_of(self, pixels: NDArray[np.float32]) -> NDArray[np.int64]:
+        """The grid's cell, row by row, of each pixel (n, 2)."""
+        # twice as fast as clip, and what is not negative may be cut off instead of rounded down
+        place = np.maximum(pixels - self._first, 0.0) / self.cell_px
+        column, row = np.minimum(place, self._last_cell).astype(np.int64).T
+        return np.asarray(row * self._cols + column)
+
+    def occupied(self, pixels: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """Which cells hold one of the pixels (n, 2), row by row."""
+        cells = np.zeros(self._rows * self._cols, bool)
+        cells[self.cell_of(pixels)] = True
+        return cells
+
+    def find(self, tensor: Tensor, tracked: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The best corner (n, 2) px of each cell without one of ``tracked`` (m, 2) px, best first.
+
+        By the smaller eigenvalue of the structure tensor (Shi and Tomasi, "Good features to track", 1994).
+        """
+        o = self.options
+        side = max(1, o.corner_px // 2)
+        xx, xy, yy = (cv2.boxFilter(t, -1, (side, side)) for t in tensor)
+        difference = cv2.magnitude(cv2.addWeighted(xx, 0.5, yy, -0.5, 0), xy)
+        strength = cv2.subtract(cv2.addWeighted(xx, 0.5, yy, 0.5, 0), difference)
+        # not beside a track that is there already
+        taken = np.zeros(strength.shape, np.uint8)
+        u, v = self._blocks(tracked).T
+        taken[v, u] = 1
+        side = 2 * (o.spacing_px // 2) + 1
+        strength[cv2.dilate(taken, np.ones((side, side), np.uint8)).view(bool)] = 0
+        among = strength.ravel()[self._members]
+        each, best = np.arange(len(among)), among.argmax(axis=1)
+        value, place = among[each, best], self._members[each, best]
+        # the match's standard deviation along the weak direction must be bearable
+        limit = (o.grey_noise / (o.window_px * o.corner_max_std_px)) ** 2
+        found = np.flatnonzero((value > limit) & ~self.occupied(tracked)[self._open])
+        place = place[found[np.argsort(-value[found], kind="stable")]]
+        v, u = np.divmod(place, strength.shape[1])
+        # in the middle of its window's pixels: a template that is not interpolated has half the bias
+        middle = _MIDDLE if o.window_px % 2 == 0 else 0.0
+        return np.column_stack((u * _BLOCK + middle, v * _BLOCK + middle)).astype(np.float32)
+
+    def whitener(self, tensor: Tensor, pixels: NDArray[np.float32]) -> Points:
+        """c11, c12, c22 (3, n) as in ``TrackPair``, from the texture in the windows about pixels (n, 2)."""
+        o = self.options
+        side = max(1, o.window_px // 2)
+        x, y = self._blocks(pixels).T
+        around = np.array([cv2.boxFilter(t, -1, (side, side))[y, x] for t in tensor], np.float64)
+        xx, xy, yy = around * (o.window_px / o.grey_noise) ** 2
+        # covariance: grey noise through the texture, and what no texture helps against (deformation, pixel locking)
+        floor = o.match_std_px**2
+        determinant = np.maximum(xx * yy - xy * xy, 1e-9)
+        cxx, cxy, cyy = yy / determinant + floor, -xy / determinant, xx / determinant + floor
+        determinant = cxx * cyy - cxy * cxy
+        ixx, ixy, iyy = cyy / determinant, -cxy / determinant, cxx / determinant
+        c11 = np.sqrt(ixx)
+        c12 = ixy / c11
+        return np.stack((c11, c12, np.sqrt(np.maximum(iyy - c12 * c12, 1e-12)))) * self.camera.focal_px
+
+    def _blocks(self, pixels: NDArray[np.float32]) -> NDArray[np.int64]:
+        """Column and row (n, 2) of the structure tensor's block that each pixel (n, 2) lies in."""
+        last = (self.camera.width // _BLOCK - 1, self.camera.height // _BLOCK - 1)
+        return ((pixels + 0.5) // _BLOCK).astype(np.int64).clip(0, last)
+
+    def _places(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The cells (c,) in which a window fits anywhere, and their blocks (c, k) where it does.
+
+        Where a cell has fewer than k the last one is repeated.
+        """
+        columns, rows = self.camera.width // _BLOCK, self.camera.height // _BLOCK
+        y, x = np.divmod(np.arange(rows * columns), columns)
+        middle = np.column_stack((x, y)) * _BLOCK + _MIDDLE
+        far_side = np.array((self.camera.width, self.camera.height)) - 1
+        inside = np.minimum(middle, far_side - middle).min(axis=1) >= self.options.window_px / 2 + 1
+        side = np.array((self._cols, self._rows)) * self.cell_px
+        inside &= ((middle >= self._first) & (middle < self._first + side)).all(axis=1)
+        place = np.flatnonzero(inside)
+        cell = self.cell_of(middle[place].astype(np.float32))
+        order = np.argsort(cell, kind="stable")
+        place, cell = place[order], cell[order]
+        cells, begin, count = np.unique(cell, return_index=True, return_counts=True)
+        most = int(count.max(initial=1))
+        return cells, place[begin[:, None] + np.minimum(np.arange(most), count[:, None] - 1)]
+
+
+def structure_tensor(image: Image) -> Tensor:
+    """Means of gx^2, gx gy and gy^2 over blocks of 2 x 2 pixels, grey levels squared per pixel squared."""
+    height, width = (side // _BLOCK * _BLOCK for side in image.shape)
+    gx, gy = cv2.spatialGradient(image[:height, :width])
+    scale = 1 / 64  # the Sobel weights add up to eight
+    size = (width // _BLOCK, height // _BLOCK)
+    products = (cv2.multiply(a, b, scale=scale, dtype=cv2.CV_32F) for a, b in ((gx, gx), (gx, gy), (gy, gy)))
+    xx, xy, yy = (cv2.resize(product, size, interpolation=cv2.INTER_AREA) for product in products)
+    return xx, xy, yy
