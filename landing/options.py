@@ -162,6 +162,9 @@ class EstimatorOptions:
     standing_height: Annotated[float, Limits(0.001, 1, "", "height over the distance that stands out")] = (
         0.025
     )
+    standing_kept: Annotated[
+        float, Limits(0, 1, "", "share of its height in the frame before that a point must keep to stand out")
+    ] = 0.85
     standing_frames: Annotated[int, Limits(1, 100, "frames", "how long a point must stand out to count")] = 2
     margin_kept: Annotated[
         float, Limits(0, 0.5, "", "border beyond the view, over its width, still remembered")

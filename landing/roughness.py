@@ -81,7 +81,7 @@ class ReliefMap:
         height, std, older, older_std, gross = self._measure(views, plane)
         slots = np.flatnonzero(np.isfinite(height))
         h, s, h2, s2 = height[slots], std[slots], older[slots], older_std[slots]
-        standing = self._standing(tracker.born, slots, h, s)
+        standing = self._standing(tracker, slots, h, s)
         unknown = Relief(slots, h, s, math.nan, math.nan, gross, standing)
         if len(slots) < o.min_roughness_tracks:
             return unknown
@@ -178,11 +178,17 @@ class ReliefMap:
         younger = 1 + np.flatnonzero(ages[1:reach] >= o.relief_group_tracks)[::-1]
         return np.concatenate(((reach,), younger[: o.relief_groups])).astype(np.intp)
 
-    def _standing(self, born: NDArray[np.int64], slots: NDArray[np.intp], h: Array, s: Array) -> int:
-        """How many tracks have stood out for some frames on end; what does not last is a tracking error."""
-        o = self.options
+    def _standing(self, tracker: FeatureTracker, slots: NDArray[np.intp], h: Array, s: Array) -> int:
+        """How many tracks have stood out for some frames on end; what does not last is a tracking error.
+
+        Nor does a height that falls: an error of a young track's place counts less the further it has gone.
+        """
+        o, born = self.options, tracker.born
         stands = np.zeros(len(born), bool)
         stands[slots] = np.abs(h) > np.maximum(o.standing_height, o.standing_sigmas * s)
+        before = self._measured[(tracker.frame - 1) % len(self._measured)]
+        if before is not None and before.frame == tracker.frame - 1:
+            stands[slots] &= ~(np.abs(h) < o.standing_kept * np.abs(before.height[slots]))
         self._streak = np.where(stands & (born == self._born), self._streak + 1, stands.astype(np.int64))
         self._born = born.copy()
         return int((self._streak >= o.standing_frames).sum())

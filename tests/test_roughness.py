@@ -8,7 +8,7 @@ import synthetic_flow
 
 from landing.options import EstimatorOptions
 from landing.plane import Plane
-from landing.roughness import Relief, ReliefMap, heights
+from landing.roughness import Relief, ReliefMap, _Measured, heights
 
 OPTIONS = EstimatorOptions()
 RATE_HZ = 30.0
@@ -134,3 +134,22 @@ def test_relief_that_goes_astray_a_little_is_no_gross_error(along: float, across
     assert gross[0] == wrong
     assert height[0] == pytest.approx(along, abs=5 * std[0])
     assert not gross[1:].any()
+
+
+def test_a_height_that_falls_with_the_way_is_an_error_of_place():
+    """A point that stands out counts after two frames on end; one that is off by a constant way does not."""
+    flight = synthetic_flow.Flight(
+        synthetic_flow.ground(np.random.default_rng(1), 0, 0, 2.0, 3.0, 10), np.random.default_rng(1), 0.1
+    )
+    views = flight.step(0.0, np.zeros(3))
+    counted = {}
+    for name, heights_ in (("keeps", [0.1] * 6), ("falls", [0.3 / k for k in range(2, 8)])):
+        found = ReliefMap(OPTIONS, flight.camera, 10, 0.0)
+        counted[name] = 0
+        for k, height in enumerate(heights_):
+            views.tracker.frame = k
+            now = np.full(10, np.nan)
+            now[3] = height
+            counted[name] += found._standing(views.tracker, np.array([3]), now[[3]], np.array([0.004]))
+            found._measured[k] = _Measured(k, now, now, np.zeros(10, bool), np.array((0.0, 0.0, 1.0)))
+    assert counted == {"keeps": 5, "falls": 0}
