@@ -113,8 +113,10 @@ def test_a_second_line_of_sequence_numbers_on_one_wire_is_refused(bench) -> None
             vehicle.send_bytes(bytes(attitude(i * 10, roll=1.0).pack(forger)))
             forger.seq = (forger.seq + 1) % 256
         wait_for(lambda: len(b.of(Attitude)) == 20, "attitudes")
+        # the last forged one comes after the last true one
+        wait_for(lambda: len(b.refusals("sequence")) >= 20, "refusals")
         assert all(a.roll == 0 for a in b.of(Attitude))
-        assert len(b.refusals("sequence")) == 20
+        assert len(b.of(Attitude)) == len(b.refusals("sequence")) == 20
 
 
 def test_vehicle_that_moves_to_another_port_is_taken_after_silence(bench) -> None:
