@@ -11,7 +11,7 @@ SLOPE_DEG = {"fine": (0.12, 0.40), "hard": (0.2, 0.9)}
 INCLINATION_DEG = {"fine": (0.25, 0.6), "hard": (0.3, 1.0)}
 COVERAGE = 0.95
 MISSED_SHARE = 0.05
-FLOW = (0.01, 0.042)
+FLOW = (0.01, 0.04)
 CONTACT_MEDIAN = 0.03
 
 
