@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from landing.camera import CameraModel
 from landing.homography import Warp, apply, towards
-from landing.motion import displacement
+from landing.motion import OverPlane
 from landing.options import EstimatorOptions
 from landing.plane import Plane
 from landing.views import Views
@@ -172,7 +172,7 @@ class Border:
         tracks, derotated = views.stack(np.array(gaps))
         # over so short a time a rotation's error is small, and common to both strips
         weight = plane.weights(len(views.tracker.alive)).take(tracks.slots)
-        found = displacement(tracks.new, derotated, plane.normal, tracks.whitener, weight)
+        found = OverPlane(tracks.new, derotated, plane.normal, tracks.whitener).displacement(weight)
         if found is None:
             return []
         return [

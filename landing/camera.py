@@ -10,7 +10,7 @@ from landing.rotations import matrix_from_euler
 DOWN: NDArray[np.float64] = np.array(((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)))
 """body_from_camera of a camera that looks down, the top of its image towards the nose."""
 
-_UNDISTORT = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 1e-9)
+_UNDISTORT = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 1e-6)
 
 
 def body_from_camera(mount_roll: float, mount_pitch: float, mount_yaw: float) -> NDArray[np.float64]:

@@ -52,6 +52,9 @@ class Corners:
         By the smaller eigenvalue of the structure tensor (Shi and Tomasi, "Good features to track", 1994).
         """
         o = self.options
+        free = (~self.occupied(tracked)).take(self._open).nonzero()[0]
+        if not len(free):
+            return np.empty((0, 2), np.float32)
         side = max(1, o.corner_px // 2)
         xx, xy, yy = (cv2.boxFilter(t, -1, (side, side)) for t in tensor)
         difference = cv2.magnitude(cv2.addWeighted(xx, 0.5, yy, -0.5, 0), xy)
@@ -62,13 +65,14 @@ class Corners:
         taken[v, u] = 1
         side = 2 * (o.spacing_px // 2) + 1
         strength[cv2.dilate(taken, np.ones((side, side), np.uint8)).view(bool)] = 0
-        among = strength.ravel()[self._members]
-        each, best = np.arange(len(among)), among.argmax(axis=1)
-        value, place = among[each, best], self._members[each, best]
+        members = self._members.take(free, 0)
+        among = strength.ravel().take(members)
+        best = among.argmax(axis=1)[:, None]
+        value, place = np.take_along_axis(among, best, 1)[:, 0], np.take_along_axis(members, best, 1)[:, 0]
         # the match's standard deviation along the weak direction must be bearable
         limit = (o.grey_noise / (o.window_px * o.corner_max_std_px)) ** 2
-        found = np.flatnonzero((value > limit) & ~self.occupied(tracked)[self._open])
-        place = place[found[np.argsort(-value[found], kind="stable")]]
+        found = (value > limit).nonzero()[0]
+        place = place.take(found.take((-value.take(found)).argsort(kind="stable")))
         v, u = np.divmod(place, strength.shape[1])
         # in the middle of its window's pixels: a template that is not interpolated has half the bias
         middle = _MIDDLE if o.window_px % 2 == 0 else 0.0
@@ -79,17 +83,23 @@ class Corners:
         o = self.options
         side = max(1, o.window_px // 2)
         x, y = self._blocks(pixels).T
-        around = np.array([cv2.boxFilter(t, -1, (side, side))[y, x] for t in tensor], np.float64)
-        xx, xy, yy = around * (o.window_px / o.grey_noise) ** 2
-        # covariance: grey noise through the texture, and what no texture helps against (deformation, pixel locking)
+        place = y * tensor[0].shape[1] + x
+        around = np.array([cv2.boxFilter(t, -1, (side, side)).ravel().take(place) for t in tensor], np.float64)
+        around *= (o.window_px / o.grey_noise) ** 2
+        xx, xy, yy = around
+        # what no texture helps against (deformation, pixel locking) adds to the inverse, grey noise through the texture:
+        # (J^-1 + f I)^-1 = (J + f det J I) / (1 + f tr J + f^2 det J)
         floor = o.match_std_px**2
         determinant = np.maximum(xx * yy - xy * xy, 1e-9)
-        cxx, cxy, cyy = yy / determinant + floor, -xy / determinant, xx / determinant + floor
-        determinant = cxx * cyy - cxy * cxy
-        ixx, ixy, iyy = cyy / determinant, -cxy / determinant, cxx / determinant
-        c11 = np.sqrt(ixx)
-        c12 = ixy / c11
-        return np.stack((c11, c12, np.sqrt(np.maximum(iyy - c12 * c12, 1e-12)))) * self.camera.focal_px
+        whole = 1 + floor * (xx + yy) + floor**2 * determinant
+        determinant *= floor
+        ixx, iyy = (xx + determinant) / whole, (yy + determinant) / whole
+        out = np.empty((3, len(pixels)))
+        c11 = np.sqrt(ixx, out=out[0])
+        c12 = np.divide(xy / whole, c11, out=out[1])
+        np.sqrt(np.maximum(iyy - c12 * c12, 1e-12), out=out[2])
+        out *= self.camera.focal_px
+        return out
 
     def _blocks(self, pixels: NDArray[np.float32]) -> NDArray[np.int64]:
         """Column and row (n, 2) of the structure tensor's block that each pixel (n, 2) lies in."""

@@ -1,4 +1,6 @@
-"""Displacement over a known plane between two frames, by linear least squares."""
+"""Tracks over a known plane: the displacement between two frames, by linear least squares."""
+
+from functools import cache
 
 import cv2
 import numpy as np
@@ -6,68 +8,109 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+_FEWEST = 6
+"""Tracks that a displacement is told from."""
 
-def displacement(
-    new: Array,
-    derotated_old: Array,
-    normal: Array,
-    whitener: Array,
-    weight: Array,
-    rotation_std: Array | None = None,
-) -> tuple[Array, Array] | None:
-    """Displacements over height t (g, 3) and their covariances (g, 3, 3) in units of the whitened noise squared.
 
-    ``new`` is (n, 2), ``derotated_old`` (g, n, 2): the same tracks in g older frames. With the plane and the
-    rotation known the exact model is linear in t: for p = (x, y) seen at (x', y') after derotation,
-    x' - x = d (x' tz - tx) and y' - y = d (y' tz - ty) with d = n . p; there is no small-motion limit.
-    With ``rotation_std`` (3,), over the whitened noise, a small error of the rotation is solved for as well and
-    the results are (g, 6) and (g, 6, 6). ``weight`` (n,) leaves out what a robust fit refused. None with fewer
-    than six tracks or a singular pattern.
+class OverPlane:
+    """What a displacement over height and a small error of the rotation do to the tracks of a known plane.
+
+    With the plane and the rotation known the exact model is linear in the displacement t: for p = (x, y) seen at
+    (x', y') in an older frame after derotation, x' - x = d (x' tz - tx) and y' - y = d (y' tz - ty) with d = n . p;
+    there is no small-motion limit. Equations are whitened.
     """
-    if np.count_nonzero(weight) < 6:
-        return None
-    c = whitener * np.sqrt(weight)
-    # C of the unit vector along x (its lower half is zero) and along y
-    along_x, along_y = c[0], c[1:]
-    d = normal[2] + np.dot(new, normal[:2])
-    g, n = derotated_old.shape[:2]
-    x, y = derotated_old[..., 0], derotated_old[..., 1]
-    unknowns = 3 if rotation_std is None else 6
-    # rows of the whitened equations, u before v: unknowns, then what is observed
-    rows = np.empty((g, unknowns + 1, 2, n))
-    rows[:, 0, 0], rows[:, 0, 1] = -d * along_x, 0.0
-    rows[:, 1] = -d * along_y
-    old, observed = rows[:, 2], rows[:, -1]
-    whitened(x, y, c, old)
-    if rotation_std is not None:
-        # what small turns do: -(xy, 1 + y^2), (1 + x^2, xy), (-y, x)
-        np.multiply(old, -y[:, None], out=rows[:, 3])
-        rows[:, 3] -= along_y
-        np.multiply(old, x[:, None], out=rows[:, 4])
-        rows[:, 4, 0] += along_x
-        np.multiply(along_y, x[:, None], out=rows[:, 5])
-        rows[:, 5, 0] -= along_x * y
-    now = np.empty((2, n))
-    whitened(new[:, 0], new[:, 1], c, now)
-    np.subtract(old, now, out=observed)
-    old *= d
-    flat = rows.reshape(g, unknowns + 1, 2 * n)
-    product = np.matmul(flat, flat.transpose(0, 2, 1))
-    matrix = product[:, :unknowns, :unknowns]
-    if rotation_std is not None:
-        matrix[:, (3, 4, 5), (3, 4, 5)] += rotation_std**-2.0
-    inverse = np.empty((g, unknowns, unknowns))
-    for k in range(g):
-        regular, _ = cv2.invert(matrix[k], inverse[k], cv2.DECOMP_CHOLESKY)
-        if not regular:
+
+    def __init__(
+        self, new: Array, derotated_old: Array, normal: Array, whitener: Array, turned: Array | None = None
+    ) -> None:
+        """``new`` is (n, 2), ``derotated_old`` (g, n, 2): the same tracks in g older frames; ``normal`` (3,).
+
+        ``whitener`` (3, n) as in ``TrackPair``. With ``turned`` an error of the rotation is solved for as well; it
+        holds the old places (n, 2) where its effect is worked out, those that matter most: elsewhere it is off by the
+        error times the flow between.
+        """
+        g, n = derotated_old.shape[:2]
+        self._gaps, self._fixed = g, 2 if turned is None else 5
+        # unit displacements along x and y, unit turns, those along z over each gap, what is observed over each gap
+        rows = self._rows = np.empty((self._fixed + 2 * g, 2, n))
+        x, y = new[:, 0], new[:, 1]
+        c11, along_y = whitener[0], whitener[1:]
+        d = np.dot(new, normal[:2])
+        d += normal[2]
+        negative = -d
+        np.multiply(c11, negative, out=rows[0, 0])
+        rows[0, 1] = 0.0
+        np.multiply(along_y, negative, out=rows[1])
+        now = along_y * y
+        now[0] += c11 * x
+        if turned is not None:
+            # -(xy, 1 + y^2), (1 + x^2, xy), (-y, x)
+            x, y = turned[:, 0], turned[:, 1]
+            then = along_y * y
+            then[0] += c11 * x
+            np.multiply(then, -y, out=rows[2])
+            rows[2] -= along_y
+            np.multiply(then, x, out=rows[3])
+            rows[3, 0] += c11
+            np.multiply(along_y, x, out=rows[4])
+            rows[4, 0] -= c11 * y
+        along_z, observed = rows[self._fixed : -g], rows[-g:]
+        np.multiply(along_y, derotated_old[:, None, :, 1], out=observed)
+        observed[:, 0] += c11 * derotated_old[..., 0]
+        np.multiply(observed, d, out=along_z)
+        observed -= now
+
+    def displacement(
+        self, weight: Array, rotation_std: Array | None = None, chosen: NDArray[np.bool_] | None = None
+    ) -> tuple[Array, Array] | None:
+        """Displacements over height t (g, 3) and their covariances (g, 3, 3) in units of the whitened noise squared.
+
+        With ``turned`` an error of the rotation follows, (g, 6) and (g, 6, 6), under a prior of ``rotation_std`` (3,) over
+        the whitened noise. ``weight`` (n,) leaves out what a robust fit refused, ``chosen`` (n,) what the older frames
+        did not see. None with fewer than six tracks or a singular pattern.
+        """
+        rows = self._rows
+        if chosen is not None:
+            rows, weight = rows.compress(chosen, -1), weight.compress(chosen)
+        if np.count_nonzero(weight) < _FEWEST:
             return None
-    return np.matmul(inverse, product[:, :unknowns, unknowns:])[..., 0], inverse
+        product = np.dot((rows * weight).reshape(len(rows), -1), rows.reshape(len(rows), -1).T)
+        across, down, observed = _places(self._fixed, self._gaps)
+        matrix = product[across, down]
+        if rotation_std is not None:
+            matrix.reshape(self._gaps, -1)[:, 21::7] += rotation_std**-2.0
+        inverse = np.empty_like(matrix)
+        for one, out in zip(matrix, inverse, strict=True):
+            regular, _ = cv2.invert(one, out, cv2.DECOMP_CHOLESKY)
+            if not regular:
+                return None
+        return np.matmul(inverse, product[down, observed])[..., 0], inverse
+
+    def against(self, motion: Array, gap: NDArray[np.intp]) -> tuple[Array, Array]:
+        """What each track's own displacement over the plane is and what of its way that leaves, whitened (2, n).
+
+        ``motion`` (g, 6) is what ``displacement`` found; ``gap`` (n,) the number of the older frame for each track.
+        """
+        n = self._rows.shape[-1]
+        place = gap * (2 * n) + np.arange(n)
+        both = self._rows[self._fixed :].reshape(-1)
+        first = np.stack((place, place + n))
+        tx, ty, tz, wx, wy, wz = motion.T.take(gap, 1)
+        moved = self._rows[: self._fixed] * np.stack((tx, ty, wx, wy, wz))[:, None]
+        along = both.take(first) * tz
+        along += moved[0]
+        along += moved[1]
+        left = both.take(first + self._gaps * (2 * n))
+        left -= along
+        for turned in moved[2:]:
+            left -= turned
+        return along, left
 
 
-def whitened(u: Array, v: Array, whitener: Array, out: Array) -> None:
-    """C (u, v) of displacements (g, n) or (n,) into ``out`` (g, 2, n) or (2, n); C triangular, as in ``TrackPair``."""
-    c11, c12, c22 = whitener
-    along_u = out[..., 0, :]
-    np.multiply(c11, u, out=along_u)
-    along_u += c12 * v
-    np.multiply(c22, v, out=out[..., 1, :])
+@cache
+def _places(fixed: int, gaps: int) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns of each gap's matrix in the product of all rows, and the columns of what is observed."""
+    along_z = fixed + np.arange(gaps)[:, None]
+    known = np.tile(np.arange(fixed), (gaps, 1))
+    order = np.concatenate((known[:, :2], along_z, known[:, 2:]), axis=1)
+    return order[:, None, :], order[:, :, None], (along_z + gaps)[:, :, None]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from landing.camera import CameraModel
-from landing.motion import displacement, whitened
+from landing.motion import OverPlane
 from landing.options import EstimatorOptions
 from landing.plane import Plane
 from landing.relief_memory import Cells, ReliefMemory
@@ -122,22 +122,17 @@ class ReliefMap:
         slots = np.flatnonzero(tracker.alive & (tracker.born <= tracker.frame - gaps[-1]))
         index = np.searchsorted(-gaps, -(tracker.frame - tracker.born[slots]))
         # the displacements over all the gaps come from the tracks that reach back over all of them
-        oldest = index == 0
         tracks, derotated = views.stack(gaps, slots)
-        found = displacement(
-            tracks.new[oldest],
-            derotated[:, oldest],
-            plane.normal,
-            tracks.whitener[:, oldest],
-            weight[slots[oldest]],
-            np.hypot((o.rotation_std_rad, o.rotation_std_rad, o.yaw_std_rad), views.baseline_std(reach)),
+        oldest, index = index == 0, np.minimum(index, len(gaps) - 1)
+        own = derotated[index, np.arange(len(index))]
+        over = OverPlane(tracks.new, derotated, plane.normal, tracks.whitener, turned=own)
+        rotation_std = np.hypot(
+            (o.rotation_std_rad, o.rotation_std_rad, o.yaw_std_rad), views.baseline_std(reach)
         )
+        found = over.displacement(weight.take(slots), rotation_std, oldest)
         if found is not None:
-            index = np.minimum(index, len(gaps) - 1)
-            old = derotated[index, np.arange(len(index))]
-            height[slots], std[slots], wrong[slots] = heights(
-                tracks.new, old, found[0][index], plane.normal, tracks.whitener, o
-            )
+            along, left = over.against(found[0], index)
+            height[slots], std[slots], wrong[slots] = heights(along, left, plane.normal, o)
         older, older_std, older_wrong = self._recall(views, plane, weight, reach)
         self._measured[tracker.frame % len(self._measured)] = _Measured(
             tracker.frame, height, std, wrong, plane.normal
@@ -222,30 +217,13 @@ def turned(normal: Array, old_from_new: Array | None) -> Array:
 
 
 def heights(
-    new: Array, old: Array, motion: Array, normal: Array, whitener: Array, options: EstimatorOptions
+    along: Array, left: Array, normal: Array, options: EstimatorOptions
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Height over the plane (n,) over the distance along the axis, its standard deviation, and gross errors (n,).
 
-    ``new`` and ``old`` (n, 2), the old places derotated; ``motion`` (n, 6) is what ``displacement`` found for each
-    track's gap: displacement over height and error of the rotation.
+    ``along`` (2, n) is each track's displacement over the plane and ``left`` (2, n) what of its way that leaves,
+    whitened (``OverPlane.against``): (x' - x) = d (1 + e) (x' tz - tx) is linear in the height e as well.
     """
-    at, (tx, ty, tz, wx, wy, wz) = np.ascontiguousarray(old.T), np.ascontiguousarray(motion.T)
-    x, y = at
-    depth = normal[2] + np.dot(new, normal[:2])
-    # displacement over the plane, and what is left of the one seen; u before v, whitened below
-    both = np.empty((2, 2, len(new)))
-    along, left = both
-    # (x' - x) = d (1 + e) (x' tz - tx): linear in the height e as well
-    np.multiply(at, tz, out=along)
-    along[0] -= tx
-    along[1] -= ty
-    along *= depth
-    np.subtract(at, new.T, out=left)
-    left -= along
-    left -= at * (x * wy - y * wx)
-    left[0] -= wy - y * wz
-    left[1] += wx - x * wz
-    whitened(both[:, 0].copy(), both[:, 1], whitener, both)
     gu, gv = along
     square = along * along
     information = np.maximum(square[0] + square[1], 1e-12)
@@ -254,7 +232,8 @@ def heights(
     noise = max(float(np.partition(across, len(across) // 2)[len(across) // 2]) * 1.4826, options.noise_floor)
     scale = 1.0 / math.sqrt(float(np.dot(normal, normal)))
     np.multiply(along, left, out=square)
-    height = (square[0] + square[1]) / information * scale
+    product = square[0] + square[1]
     # where a patch lies on a brink or a slope it goes astray a little: still relief as long as it goes along the motion
-    astray = across * length > options.gross_share * np.abs(square[0] + square[1])
-    return height, (noise * scale) / length, astray & (across > options.gross_sigmas * noise)
+    astray = across * length > options.gross_share * np.abs(product)
+    astray &= across > options.gross_sigmas * noise
+    return product / information * scale, (noise * scale) / length, astray

@@ -6,6 +6,7 @@ view has moved on by a part of a cell. The positions of the last frames stay in 
 gap between two frames without tracking again.
 """
 
+import math
 from collections import deque
 from dataclasses import dataclass
 from typing import Any
@@ -70,6 +71,8 @@ class FeatureTracker:
         self._reference_px = np.zeros((n, 2), np.float32)
         self._reference_count = 0
         self._corners = Corners(camera, options)
+        self._twin_columns = math.ceil(camera.width / options.twin_px)
+        self._oldest = np.zeros(self._twin_columns * math.ceil(camera.height / options.twin_px), np.int64)
 
     def reset(self) -> None:
         """Forget all tracks: the next frame starts anew."""
@@ -93,7 +96,8 @@ class FeatureTracker:
             self._place(image)
         normalised = self.history[self.frame % self.HISTORY]
         normalised[:] = np.nan
-        normalised[self.alive] = self.camera.undistort(self.pixels[self.alive])
+        slots = self.alive.nonzero()[0]
+        normalised[slots] = self.camera.undistort(self.pixels.take(slots, 0))
         self.pixel_history[self.frame % self.HISTORY] = self.pixels
 
     def pair(self, gap: int) -> TrackPair:
@@ -134,16 +138,16 @@ class FeatureTracker:
         return image
 
     def _follow(self, reference: Image, image: Image, new_from_previous: NDArray[np.float64] | None) -> None:
-        slots = np.flatnonzero(self.alive)
+        slots = self.alive.nonzero()[0]
         if not len(slots):
             return
         o = self.options
-        start, last = self._reference_px[slots], self.pixels[slots]
+        start, last = self._reference_px.take(slots, 0), self.pixels.take(slots, 0)
         new_from_reference = self._from_reference(slots, new_from_previous)
         if new_from_reference is None:
             found, good, inside = self._match(reference, image, start, last, o.levels_unpredicted)
         else:
-            seen = self.history[self._reference_frame % self.HISTORY, slots]
+            seen = self.history[self._reference_frame % self.HISTORY].take(slots, 0)
             there = self.camera.project(apply(new_from_reference, seen)).astype(np.float32)
             if stretch(new_from_reference) * o.window_px / 2 > o.warp_from_px:
                 # patches are compared as the plane seen last turns and stretches them
@@ -151,12 +155,12 @@ class FeatureTracker:
                 found, good, inside = self._match(reference_there, image, there, there, o.levels)
             else:
                 found, good, inside = self._match(reference, image, start, there, o.levels)
-            if np.count_nonzero(inside & ~good) > o.retry_share * len(slots):
+            if np.count_nonzero(inside > good) > o.retry_share * len(slots):
                 # the prediction was wrong: search as if there were none
                 found, good, inside = self._match(reference, image, start, last, o.levels_unpredicted)
-        self.refused += int(np.count_nonzero(inside & ~good))
+        self.refused += int(np.count_nonzero(inside > good))
         self.pixels[slots] = found
-        self.alive[slots[~good]] = False
+        self.alive[slots] = good
 
     def _from_reference(
         self, slots: NDArray[np.intp], new_from_previous: NDArray[np.float64] | None
@@ -166,8 +170,8 @@ class FeatureTracker:
             return None
         if self._reference_frame == self.frame - 1:
             return new_from_previous
-        seen = self.history[self._reference_frame % self.HISTORY, slots]
-        previous = self.history[(self.frame - 1) % self.HISTORY, slots]
+        seen = self.history[self._reference_frame % self.HISTORY].take(slots, 0)
+        previous = self.history[(self.frame - 1) % self.HISTORY].take(slots, 0)
         previous_from_reference = least_squares(seen, previous)
         return None if previous_from_reference is None else new_from_previous @ previous_from_reference
 
@@ -186,12 +190,14 @@ class FeatureTracker:
             image, reference, found, start.copy(), None, None, window, 0, _CRITERIA, _GUESS, 1e-4
         )
         margin = o.window_px / 2
-        limit = (self.camera.width - 1 - margin, self.camera.height - 1 - margin)
-        inside = (found > margin) & (found < limit)
-        inside = inside[:, 0] & inside[:, 1]
-        both = status.ravel().astype(bool) & status_back.ravel().astype(bool)
-        good = both & (_larger(back - start) < o.forward_backward_max_px) & inside
-        return np.asarray(found), good, np.asarray(inside)
+        x, y = found.T
+        inside = (x > margin) & (x < self.camera.width - 1 - margin)
+        inside &= y > margin
+        inside &= y < self.camera.height - 1 - margin
+        good = _larger(back - start) < o.forward_backward_max_px
+        good &= inside
+        good &= (status & status_back)[:, 0].view(bool)
+        return np.asarray(found), good, inside
 
     def _changed(self) -> bool:
         """Whether so much of the view is new that corners must be added."""
@@ -210,15 +216,15 @@ class FeatureTracker:
         self._drop_twins()
         tensor = structure_tensor(image)
         corners = self._corners.find(tensor, self.pixels.compress(self.alive, 0))
-        if len(corners) > int((~self.alive).sum()):
+        if len(corners) > len(self.alive) - np.count_nonzero(self.alive):
             self._thin_out()
-        free = np.flatnonzero(~self.alive)[: len(corners)]
+        free = (~self.alive).nonzero()[0][: len(corners)]
         self.pixels[free] = corners[: len(free)]
         self.alive[free] = True
         self.born[free] = self.frame
-        slots = np.flatnonzero(self.alive)
+        slots = self.alive.nonzero()[0]
         if len(slots):
-            self.whitener[:, slots] = self._corners.whitener(tensor, self.pixels[slots])
+            self.whitener[:, slots] = self._corners.whitener(tensor, self.pixels.take(slots, 0))
         self._reference, self._reference_frame = image, self.frame
         self._reference_px[:] = self.pixels
         self._reference_count = len(slots)
@@ -234,13 +240,13 @@ class FeatureTracker:
 
     def _drop_twins(self) -> None:
         """Of tracks that have run into one another keep the oldest."""
-        slots = np.flatnonzero(self.alive)
-        slots = slots[np.argsort(self.born[slots], kind="stable")]
-        place = (self.pixels[slots] // self.options.twin_px).astype(np.int64)
-        _, first = np.unique(place[:, 0] * 100_000 + place[:, 1], return_index=True)
-        twin = np.ones(len(slots), bool)
-        twin[first] = False
-        self.alive[slots[twin]] = False
+        slots = self.alive.nonzero()[0]
+        slots = slots.take(self.born.take(slots).argsort(kind="stable"))
+        place = (self.pixels.take(slots, 0) / self.options.twin_px).astype(np.int64)
+        place = place[:, 1] * self._twin_columns + place[:, 0]
+        # the youngest is written first, the oldest last
+        self._oldest[place[::-1]] = slots[::-1]
+        self.alive[slots.compress(self._oldest.take(place) != slots)] = False
 
 
 def _larger(way: NDArray[Any]) -> NDArray[Any]:

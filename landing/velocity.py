@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from landing.motion import displacement
+from landing.motion import OverPlane
 from landing.options import EstimatorOptions
 from landing.views import Views
 
@@ -91,7 +91,9 @@ def _moved(
     tracks, derotated = views.stack(gaps)
     # a rotation shows in the curvature of the flow alone, where errors that neighbouring tracks share count most
     std = np.full(3, rotation_std / (shared_noise * noise))
-    found = displacement(tracks.new, derotated, normal, tracks.whitener, weight[tracks.slots], std)
+    # the longest gap tells most
+    over = OverPlane(tracks.new, derotated, normal, tracks.whitener, turned=derotated[-1])
+    found = over.displacement(weight.take(tracks.slots), std)
     if found is None:
         return None
     tau = np.array([views.newest.time_s - views.view(int(gap)).time_s for gap in gaps])

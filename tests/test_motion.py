@@ -5,7 +5,7 @@ import synthetic_flow
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from landing.motion import displacement
+from landing.motion import OverPlane
 from landing.rotations import exp_so3
 from landing.views import derotate
 
@@ -29,7 +29,8 @@ def test_displacement_is_exact_for_finite_motion(tx: float, ty: float, tz: float
         noise_px=0,
     )
     normal = np.array((-a / 2, -b / 2, 1.0))
-    found = displacement(made.new, derotate(made.old, turn)[None], normal, made.whitener, np.ones(40))
+    over = OverPlane(made.new, derotate(made.old, turn)[None], normal, made.whitener)
+    found = over.displacement(np.ones(40))
     assert found is not None
     np.testing.assert_allclose(found[0][0], (tx, ty, tz), atol=1e-9)
 
@@ -38,9 +39,8 @@ def test_tracks_without_weight_do_not_count():
     rng = np.random.default_rng(2)
     t = np.array((0.02, -0.05, -0.1))
     made = synthetic_flow.tracks(rng, t, 0.2, 0.1, 0.3, rotation_std=np.zeros(3), noise_px=0.0)
-    found = displacement(
-        made.new, made.old[None], np.array((-0.2, -0.1, 1)), made.whitener, (~made.outlier).astype(float)
-    )
+    over = OverPlane(made.new, made.old[None], np.array((-0.2, -0.1, 1)), made.whitener)
+    found = over.displacement((~made.outlier).astype(float))
     assert found is not None
     np.testing.assert_allclose(found[0][0], t, atol=1e-9)
 
@@ -52,7 +52,8 @@ def test_the_covariance_is_that_of_the_errors():
     normalised = []
     for _ in range(200):
         made = synthetic_flow.tracks(rng, t, 0.3, -0.2, rotation_std=np.zeros(3))
-        found = displacement(made.new, made.old[None], normal, made.whitener, np.ones(len(made.new)))
+        over = OverPlane(made.new, made.old[None], normal, made.whitener)
+        found = over.displacement(np.ones(len(made.new)))
         assert found is not None
         normalised.append((found[0][0] - t) / np.sqrt(np.diag(found[1][0])))
     np.testing.assert_allclose(np.std(normalised, axis=0), 1, atol=0.2)
@@ -63,6 +64,39 @@ def test_too_few_tracks_or_a_singular_pattern_tell_nothing():
     made = synthetic_flow.tracks(rng, np.array((0.1, 0, 0)), 0, 0, points=20)
     few = np.zeros(20)
     few[:5] = 1
-    assert displacement(made.new, made.old[None], np.array((0, 0, 1.0)), made.whitener, few) is None
+    level = np.array((0, 0, 1.0))
+    assert OverPlane(made.new, made.old[None], level, made.whitener).displacement(few) is None
     same = np.zeros((20, 2))
-    assert displacement(same, same[None], np.array((0, 0, 1.0)), made.whitener, np.ones(20)) is None
+    assert OverPlane(same, same[None], level, made.whitener).displacement(np.ones(20)) is None
+
+
+def test_tracks_that_the_older_frame_did_not_see_do_not_count():
+    rng = np.random.default_rng(5)
+    t, normal = np.array((0.02, -0.05, -0.1)), np.array((-0.2, -0.1, 1))
+    made = synthetic_flow.tracks(rng, t, 0.2, 0.1, rotation_std=np.zeros(3), noise_px=0.0)
+    seen = rng.random(len(made.new)) < 0.7
+    made.old[~seen] = np.nan
+    found = OverPlane(made.new, made.old[None], normal, made.whitener).displacement(
+        np.ones(len(made.new)), chosen=seen
+    )
+    assert found is not None
+    np.testing.assert_allclose(found[0][0], t, atol=1e-9)
+
+
+def test_an_error_of_the_rotation_is_found_beside_the_displacement():
+    """Two gaps at once, each with its own displacement; what is left of the tracks is nothing."""
+    rng = np.random.default_rng(6)
+    t, normal = np.array((0.02, -0.05, -0.1)), np.array((-0.2, -0.1, 1))
+    turn = np.array((2e-4, -3e-4, 5e-4))
+    made = synthetic_flow.tracks(rng, t, 0.2, 0.1, rotation_std=np.zeros(3), noise_px=0.0)
+    both = np.stack((made.old, derotate(made.old, exp_so3(turn))))
+    over = OverPlane(made.new, both, normal, made.whitener, turned=both[1])
+    found = over.displacement(np.ones(len(made.new)), np.full(3, 1e3))
+    assert found is not None
+    np.testing.assert_allclose(found[0][0], (*t, 0, 0, 0), atol=1e-9)
+    np.testing.assert_allclose(found[0][1][:3], t, atol=2e-5)
+    # of the first order: a turn acts before a displacement of a tenth of the height
+    np.testing.assert_allclose(np.abs(found[0][1][3:]), np.abs(turn) * 1.1, rtol=0.05)
+    along, left = over.against(found[0], np.arange(len(made.new)) % 2)
+    assert np.abs(left).max() < 0.02 * np.abs(along).max()
+    assert np.abs(left[:, ::2]).max() < 1e-6

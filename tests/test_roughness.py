@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import synthetic_flow
 
+from landing.motion import OverPlane
 from landing.options import EstimatorOptions
 from landing.plane import Plane
 from landing.roughness import Relief, ReliefMap, _Measured, heights
@@ -130,7 +131,9 @@ def test_relief_that_goes_astray_a_little_is_no_gross_error(along: float, across
     old = new - t[:2] + rng.normal(0, 2e-4, new.shape)
     old[0] = new[0] - t[:2] * (1 + along) + (0.0, across * t[0])
     whitener = np.array(((1 / 2e-4,), (0.0,), (1 / 2e-4,))) * np.ones(60)
-    height, std, gross = heights(new, old, np.tile(t, (60, 1)), np.array((0.0, 0.0, 1.0)), whitener, OPTIONS)
+    level = np.array((0.0, 0.0, 1.0))
+    over = OverPlane(new, old[None], level, whitener, turned=old)
+    height, std, gross = heights(*over.against(t[None], np.zeros(60, np.intp)), level, OPTIONS)
     assert gross[0] == wrong
     assert height[0] == pytest.approx(along, abs=5 * std[0])
     assert not gross[1:].any()
