@@ -84,10 +84,12 @@ class Corners:
         side = max(1, o.window_px // 2)
         x, y = self._blocks(pixels).T
         place = y * tensor[0].shape[1] + x
-        around = np.array([cv2.boxFilter(t, -1, (side, side)).ravel().take(place) for t in tensor], np.float64)
+        around = np.array(
+            [cv2.boxFilter(t, -1, (side, side)).ravel().take(place) for t in tensor], np.float64
+        )
         around *= (o.window_px / o.grey_noise) ** 2
         xx, xy, yy = around
-        # what no texture helps against (deformation, pixel locking) adds to the inverse, grey noise through the texture:
+        # the covariance is grey noise through the texture, J^-1, and what no texture helps against (pixel locking):
         # (J^-1 + f I)^-1 = (J + f det J I) / (1 + f tr J + f^2 det J)
         floor = o.match_std_px**2
         determinant = np.maximum(xx * yy - xy * xy, 1e-9)

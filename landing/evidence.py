@@ -91,23 +91,24 @@ class Evidence:
         slope, share = self._slope[:, order], self._share[order]
         covariance = self._covariance[:, order].copy()
         covariance[::2] += o.drift_std**2 * (time_s - self._time_s[order])
-        information = _inverse(covariance)
-        counted = information * share
+        counted = _inverse(covariance)
+        counted *= share
         total = counted.cumsum(axis=1)
         summed = _inverse(total)
         mean = _product(summed, _product(counted, slope).cumsum(axis=1))
         last = slope.shape[1]
         if last > 1:
-            difference = slope[:, 1:] - mean[:, :-1]
+            x, y = slope[:, 1:] - mean[:, :-1]
             # a short sum knows no less than its best member
             enough = np.maximum(1.0, 1.0 / share[:-1].cumsum())
-            test = _inverse(covariance[:, 1:] + summed[:, :-1] / enough)
-            distance = difference * _product(test, difference)
-            disagree = (distance[0] + distance[1] > o.agreement).nonzero()[0]
+            xx, xy, yy = covariance[:, 1:] + summed[:, :-1] / enough
+            # difference^T S^-1 difference, times the determinant of S
+            distance = yy * (x * x) - (2 * x) * (xy * y) + xx * (y * y)
+            disagree = (distance > o.agreement * (xx * yy - xy * xy)).nonzero()[0]
             if len(disagree):
                 last = int(disagree[0]) + 1
         used = summed[:, last - 1]
-        if total[0, last - 1] + total[2, last - 1] < information[0, 0] + information[2, 0]:
+        if total[0, last - 1] + total[2, last - 1] < (counted[0, 0] + counted[2, 0]) / share[0]:
             used = covariance[:, 0]
         self.used = last
         xx, xy, yy = used.tolist()

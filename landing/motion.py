@@ -65,9 +65,9 @@ class OverPlane:
     ) -> tuple[Array, Array] | None:
         """Displacements over height t (g, 3) and their covariances (g, 3, 3) in units of the whitened noise squared.
 
-        With ``turned`` an error of the rotation follows, (g, 6) and (g, 6, 6), under a prior of ``rotation_std`` (3,) over
-        the whitened noise. ``weight`` (n,) leaves out what a robust fit refused, ``chosen`` (n,) what the older frames
-        did not see. None with fewer than six tracks or a singular pattern.
+        With ``turned`` an error of the rotation follows, (g, 6) and (g, 6, 6), under a prior of ``rotation_std`` (3,)
+        over the whitened noise. ``weight`` (n,) leaves out what a robust fit refused, ``chosen`` (n,) what the older
+        frames did not see. None with fewer than six tracks or a singular pattern.
         """
         rows = self._rows
         if chosen is not None:

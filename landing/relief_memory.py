@@ -51,7 +51,8 @@ class ReliefMemory:
 
     def forget(self) -> None:
         """Start anew."""
-        self._points, self._pixels, self.heights = np.empty((0, 2)), np.empty((0, 2)), np.empty(0)
+        self._rays, self._pixels, self.heights = np.empty((3, 0)), np.empty((0, 2)), np.empty(0)
+        self._locate()
 
     def move(self, on_plane: Array | None, far_away: Array | None = None) -> None:
         """Carry the points into the next frame; None: forget.
@@ -61,27 +62,34 @@ class ReliefMemory:
         """
         if on_plane is None or far_away is None:
             self.forget()
-        if not len(self._points) or on_plane is None or far_away is None:
+        if not len(self.heights) or on_plane is None or far_away is None:
             return
-        e = self.heights[:, None]
-        q = (1 + e) * self._turned(on_plane) - e * self._turned(far_away)
-        ahead = q[:, 2] > _AHEAD
-        self._keep(ahead)
-        self._points = q[ahead, :2] / q[ahead, 2:]
-        pixel = self._pixels = self.camera.project(self._points)
+        q, far = np.dot(np.concatenate((on_plane, far_away)), self._rays).reshape(2, 3, -1)
+        q += self.heights * (q - far)
+        ahead = q[2] > _AHEAD
+        if not ahead.all():
+            q, self.heights = q.compress(ahead, 1), self.heights.compress(ahead)
+        q /= q[2]
+        self._rays, self._pixels = q, self.camera.project(q[:2].T)
         margin = self.options.margin_kept * self.camera.width
         beyond = np.array((self.camera.width, self.camera.height)) + margin
-        self._keep(_all(np.logical_and(pixel >= -margin, pixel < beyond)))
+        self._keep(_all(np.logical_and(self._pixels >= -margin, self._pixels < beyond)))
 
     def update(
-        self, points: Array, pixels: NDArray[np.floating], heights: Array, sure: Marks, even: Marks
+        self,
+        points: Array,
+        pixels: NDArray[np.floating],
+        heights: Array,
+        cell: NDArray[np.int64],
+        even: Marks,
     ) -> None:
-        """Take in what the tracks (n,) show now: ``sure`` (n,) stand out, the cells ``even`` hold nothing that does."""
-        if len(self._points):
-            replaced = even | self.cells.marked(self.cells.of(pixels[sure]))
-            self._keep(np.logical_or(~replaced[self.cells.of(self._pixels)], self._in_border()))
-        if sure.any():
-            self._append(points[sure], pixels[sure].astype(np.float64), heights[sure])
+        """Take in ``points`` (k, 2) that surely stand out now, in their cells; the cells ``even`` hold none."""
+        if len(self.heights):
+            replaced = even.copy()
+            replaced[cell] = True
+            self._keep(np.logical_or(~replaced.take(self._cell), self._in_border))
+        if len(points):
+            self._append(points, pixels.astype(np.float64), heights)
 
     def add(self, pixels: Array, height: float) -> None:
         """Take in places (n, 2) px that were seen to stand out by a height without any track."""
@@ -89,25 +97,29 @@ class ReliefMemory:
 
     def unseen(self, seen: Marks) -> tuple[NDArray[np.int64], Array]:
         """Cells (m,) and heights (m,) of the points where nothing is measured: not in ``seen``, or in the border."""
-        cell = self.cells.of(self._pixels)
-        gone = np.logical_or(~seen[cell], self._in_border())
-        return cell[gone], self.heights[gone]
-
-    def _turned(self, h: Array) -> Array:
-        """The points after a homography, homogeneous (n, 3)."""
-        return self._points @ h[:, :2].T + h[:, 2]
+        if not len(self.heights):
+            return self._cell, self.heights
+        gone = np.logical_or(~seen.take(self._cell), self._in_border)
+        return self._cell.compress(gone), self.heights.compress(gone)
 
     def _append(self, points: Array, pixels: Array, heights: Array) -> None:
-        most = self.options.remembered
-        self._points = np.concatenate((self._points, points))[-most:]
-        self._pixels = np.concatenate((self._pixels, pixels))[-most:]
-        self.heights = np.concatenate((self.heights, heights))[-most:]
-
-    def _in_border(self) -> Marks:
-        return ~_all(np.logical_and(self._pixels >= self._near, self._pixels <= self._far))
+        kept = slice(max(0, len(self.heights) + len(heights) - self.options.remembered), None)
+        rays = np.concatenate((points.T, np.ones((1, len(points)))))
+        self._rays = np.concatenate((self._rays, rays), axis=1)[:, kept]
+        self._pixels = np.concatenate((self._pixels, pixels))[kept]
+        self.heights = np.concatenate((self.heights, heights))[kept]
+        self._locate()
 
     def _keep(self, keep: Marks) -> None:
-        self._points, self._pixels, self.heights = self._points[keep], self._pixels[keep], self.heights[keep]
+        if not keep.all():
+            self._rays, self._pixels = self._rays.compress(keep, 1), self._pixels.compress(keep, 0)
+            self.heights = self.heights.compress(keep)
+        self._locate()
+
+    def _locate(self) -> None:
+        """The cell of each point, and whether it lies in the border."""
+        self._cell = self.cells.of(self._pixels)
+        self._in_border = ~_all(np.logical_and(self._pixels >= self._near, self._pixels <= self._far))
 
 
 def _all(both: Marks) -> Marks:

@@ -17,7 +17,7 @@ from landing.camera import CameraModel
 from landing.motion import OverPlane
 from landing.options import EstimatorOptions
 from landing.plane import Plane
-from landing.relief_memory import Cells, ReliefMemory
+from landing.relief_memory import Cells, Marks, ReliefMemory
 from landing.tracking import FeatureTracker
 from landing.views import Views
 
@@ -47,12 +47,12 @@ class Relief:
 
 @dataclass(frozen=True, slots=True)
 class _Measured:
-    """``height``, ``std`` and gross errors ``wrong`` (capacity,) over the plane ``normal`` (3,), as of one frame."""
+    """``height``, ``std`` (capacity,) over the plane ``normal`` (3,), the slots ``wrong`` (k,), as of one frame."""
 
     frame: int
     height: Array
     std: Array
-    wrong: NDArray[np.bool_]
+    wrong: NDArray[np.intp]
     normal: Array
 
 
@@ -78,134 +78,159 @@ class ReliefMap:
         tracker, o = views.tracker, self.options
         if plane.status != "ok" or plane.gap < 1:
             return None
-        height, std, older, older_std, gross = self._measure(views, plane)
-        slots = np.flatnonzero(np.isfinite(height))
-        h, s, h2, s2 = height[slots], std[slots], older[slots], older_std[slots]
-        standing = self._standing(tracker, slots, h, s)
+        slots, h, s, h2, s2, gross = self._measure(views, plane)
+        stands = np.abs(h) > o.standing_sigmas * s
+        standing = self._standing(tracker, slots, h, stands)
         unknown = Relief(slots, h, s, math.nan, math.nan, gross, standing)
         if len(slots) < o.min_roughness_tracks:
             return unknown
         twice = np.isfinite(h2)
-        product = np.where(twice, h * h2, h**2 - s**2)
-        variance = np.where(twice, s * s2, s**2)
-        cell = self._cells.of(tracker.pixels[slots])
-        self._remember(views, slots, h, s, h2, s2, cell)
+        variance = s * s
+        product = np.where(twice, h * h2, h * h - variance)
+        variance = np.where(twice, s * s2, variance)
+        pixels = tracker.pixels.take(slots, 0)
+        cell = self._cells.of(pixels)
+        stands &= np.abs(h) > o.relief_scale
+        self._remember(views, slots, pixels, h, s, h2, s2, stands, cell)
         # where something is measured now, that counts
         lost, lost_height = self.memory.unseen(self._cells.marked(cell))
-        cell = np.concatenate((cell, lost))
-        product = np.concatenate((product, lost_height**2))
-        variance = np.concatenate((variance, np.full(len(lost), float(variance.min()))))
-        share = 1.0 / np.bincount(cell)[cell]
+        if len(lost):
+            cell = np.concatenate((cell, lost))
+            product = np.concatenate((product, lost_height**2))
+            variance = np.concatenate((variance, np.full(len(lost), float(variance.min()))))
         # tracks good enough to tell what matters count alike, the others by their uncertainty
-        weight = share / (variance + o.relief_scale**2) ** 2
+        weight = 1.0 / (np.bincount(cell).take(cell) * (variance + o.relief_scale**2) ** 2)
         total = float(weight.sum())
-        mean_square = max(float((weight * product).sum()) / total, 0.0)
-        spread = math.sqrt(2 * float((weight**2 * (variance + mean_square) ** 2).sum())) / total
+        mean_square = max(float(weight @ product) / total, 0.0)
+        variance += mean_square
+        variance *= weight
+        spread = math.sqrt(2 * float(variance @ variance)) / total
         rough = math.sqrt(mean_square)
         rough_std = math.sqrt(mean_square + spread) - rough
         if rough_std > o.max_roughness_std:
             return unknown
         return Relief(slots, h, s, rough, rough_std, gross, standing)
 
-    def _measure(self, views: Views, plane: Plane) -> tuple[Array, Array, Array, Array, int]:
-        """Heights and standard deviations of all slots (capacity,), newest and older, and the gross errors.
+    def _measure(
+        self, views: Views, plane: Plane
+    ) -> tuple[NDArray[np.intp], Array, Array, Array, Array, int]:
+        """Slots (n,), their heights and standard deviations, newest and older, and the number of gross errors.
 
         The newest go back three quarters of the plane's baseline, or for younger tracks as far as they reach; the older
         are the newest of as many frames ago, so that the two have at most the middle frame in common.
         """
         tracker, o = views.tracker, self.options
         weight = plane.weights(len(tracker.alive))
-        height, std = np.full((2, len(weight)), math.nan)
-        wrong = np.zeros(len(weight), bool)
         reach = max(1, _SHARE[0] * plane.gap // _SHARE[1])
-        gaps = self._gaps(views, reach)
-        slots = np.flatnonzero(tracker.alive & (tracker.born <= tracker.frame - gaps[-1]))
-        index = np.searchsorted(-gaps, -(tracker.frame - tracker.born[slots]))
+        gaps, slots, index = self._gaps(views, reach)
+        oldest, index = index == 0, np.minimum(index, len(gaps) - 1)
         # the displacements over all the gaps come from the tracks that reach back over all of them
         tracks, derotated = views.stack(gaps, slots)
-        oldest, index = index == 0, np.minimum(index, len(gaps) - 1)
         own = derotated[index, np.arange(len(index))]
         over = OverPlane(tracks.new, derotated, plane.normal, tracks.whitener, turned=own)
-        rotation_std = np.hypot(
-            (o.rotation_std_rad, o.rotation_std_rad, o.yaw_std_rad), views.baseline_std(reach)
-        )
+        rotation_std = np.array((o.rotation_std_rad, o.rotation_std_rad, o.yaw_std_rad))
+        rotation_std = np.hypot(rotation_std, views.baseline_std(reach))
         found = over.displacement(weight.take(slots), rotation_std, oldest)
-        if found is not None:
-            along, left = over.against(found[0], index)
-            height[slots], std[slots], wrong[slots] = heights(along, left, plane.normal, o)
-        older, older_std, older_wrong = self._recall(views, plane, weight, reach)
-        self._measured[tracker.frame % len(self._measured)] = _Measured(
-            tracker.frame, height, std, wrong, plane.normal
-        )
-        return np.where(wrong | older_wrong, math.nan, height), std, older, older_std, int(wrong.sum())
+        place = tracker.frame % len(self._measured)
+        if found is None:
+            self._measured[place] = None
+            nothing = np.empty(0)
+            return slots[:0], nothing, nothing, nothing, nothing, 0
+        h, s, wrong = heights(*over.against(found[0], index), plane.normal, o)
+        older, older_std, older_wrong = self._recall(views, plane, weight, reach, slots)
+        height, std = np.full((2, len(weight)), math.nan)
+        height[slots], std[slots] = h, s
+        self._measured[place] = _Measured(tracker.frame, height, std, slots[wrong], plane.normal)
+        good = (~(wrong | older_wrong)).nonzero()[0]
+        gross = int(np.count_nonzero(wrong))
+        return slots.take(good), h.take(good), s.take(good), older.take(good), older_std.take(good), gross
 
     def _recall(
-        self, views: Views, plane: Plane, weight: Array, reach: int
+        self, views: Views, plane: Plane, weight: Array, reach: int, slots: NDArray[np.intp]
     ) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """What all slots showed ``reach`` frames ago, heights over the plane of now: they, their std, gross errors."""
+        """What ``slots`` showed ``reach`` frames ago, heights over the plane of now: they, their std, gross errors."""
         tracker = views.tracker
-        height, std = np.full((2, len(weight)), math.nan)
+        height, std = np.full((2, len(slots)), math.nan)
+        wrong = np.zeros(len(weight), bool)
         frame = tracker.frame - reach
         then = self._measured[frame % len(self._measured)]
         if then is None or then.frame != frame:
-            return height, std, np.zeros(len(weight), bool)
-        same = tracker.alive & (tracker.born < frame)
-        wrong = then.wrong & same
-        slots = np.flatnonzero(same & np.isfinite(then.height) & ~wrong)
-        point = tracker.history[frame % tracker.HISTORY, slots]
+            return height, std, wrong.take(slots)
+        wrong[then.wrong] = True
+        same = tracker.born.take(slots) < frame
+        gross = wrong.take(slots)
+        gross &= same
+        before = then.height.take(slots)
+        known = (same & np.isfinite(before) & ~gross).nonzero()[0]
+        seen = slots.take(known)
+        point = tracker.history[frame % tracker.HISTORY].take(seen, 0)
         now = turned(plane.normal, views.rotation(reach))
         # the inverse depth is (1 + e) n . p whichever the plane, but for the scale: what fits the plane has none
-        old, new = (n[2] + point @ n[:2] for n in (then.normal, now))
-        inverse = (1 + then.height[slots] * np.linalg.norm(then.normal)) * old / new
-        fits = weight[slots]
+        old, new = (n[2] + np.dot(point, n[:2]) for n in (then.normal, now))
+        inverse = (1 + before.take(known) * math.sqrt(float(then.normal @ then.normal))) * old / new
+        fits = weight.take(seen)
         total = float(fits @ inverse)
         if total > 0:
-            height[slots] = (inverse * (float(fits.sum()) / total) - 1) / np.linalg.norm(now)
-            std[slots] = then.std[slots]
-        return height, std, wrong
+            inverse *= float(fits.sum()) / total
+            inverse -= 1
+            height[known] = inverse / math.sqrt(float(now @ now))
+            std[known] = then.std.take(seen)
+        return height, std, gross
 
-    def _gaps(self, views: Views, reach: int) -> NDArray[np.intp]:
-        """The longest gap, then the ages of the larger groups of younger tracks, falling."""
+    def _gaps(self, views: Views, reach: int) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+        """The longest gap, then the ages of the larger groups of younger tracks, falling.
+
+        With them the slots (n,) that reach back over the shortest, and the number (n,) of the first gap each reaches.
+        """
         tracker, o = views.tracker, self.options
-        ages = np.bincount(
-            np.minimum(tracker.frame - tracker.born[tracker.alive], reach), minlength=reach + 1
-        )
-        younger = 1 + np.flatnonzero(ages[1:reach] >= o.relief_group_tracks)[::-1]
-        return np.concatenate(((reach,), younger[: o.relief_groups])).astype(np.intp)
+        slots = tracker.alive.nonzero()[0]
+        age = np.minimum(tracker.frame - tracker.born.take(slots), reach)
+        count = np.bincount(age, minlength=reach + 1)
+        younger = 1 + (count[1:reach] >= o.relief_group_tracks).nonzero()[0][::-1]
+        gaps = np.concatenate(((reach,), younger[: o.relief_groups])).astype(np.intp)
+        old = age >= gaps[-1]
+        return gaps, slots.compress(old), np.searchsorted(-gaps, -age.compress(old))
 
-    def _standing(self, tracker: FeatureTracker, slots: NDArray[np.intp], h: Array, s: Array) -> int:
+    def _standing(self, tracker: FeatureTracker, slots: NDArray[np.intp], h: Array, stands: Marks) -> int:
         """How many tracks have stood out for some frames on end; what does not last is a tracking error.
 
         Nor does a height that falls: an error of a young track's place counts less the further it has gone.
         """
         o, born = self.options, tracker.born
-        stands = np.zeros(len(born), bool)
-        stands[slots] = np.abs(h) > np.maximum(o.standing_height, o.standing_sigmas * s)
-        before = self._measured[(tracker.frame - 1) % len(self._measured)]
-        if before is not None and before.frame == tracker.frame - 1:
-            stands[slots] &= ~(np.abs(h) < o.standing_kept * np.abs(before.height[slots]))
-        self._streak = np.where(stands & (born == self._born), self._streak + 1, stands.astype(np.int64))
-        self._born = born.copy()
-        return int((self._streak >= o.standing_frames).sum())
+        stands = stands & (np.abs(h) > o.standing_height)
+        streak = np.zeros(len(born), np.int64)
+        if stands.any():
+            before = self._measured[(tracker.frame - 1) % len(self._measured)]
+            if before is not None and before.frame == tracker.frame - 1:
+                stands &= ~(np.abs(h) < o.standing_kept * np.abs(before.height.take(slots)))
+            standing = slots.compress(stands)
+            same = born.take(standing) == self._born.take(standing)
+            streak[standing] = np.where(same, self._streak.take(standing) + 1, 1)
+        self._streak, self._born = streak, born.copy()
+        return int(np.count_nonzero(streak >= o.standing_frames))
 
     def _remember(
         self,
         views: Views,
         slots: NDArray[np.intp],
+        pixels: NDArray[np.floating],
         h: Array,
         s: Array,
         h2: Array,
         s2: Array,
+        stands: Marks,
         cell: NDArray[np.int64],
     ) -> None:
         """Add the points that stand out twice, forget those where the ground is now measured as even."""
-        o = self.options
-        stands = (np.abs(h) > o.standing_sigmas * s) & (np.abs(h) > o.relief_scale)
-        sure = stands & (np.abs(h2) > o.standing_sigmas * s2) & (np.sign(h2) == np.sign(h))
-        cells, tracker = self._cells, views.tracker
-        even = cells.marked(cell[~stands & (s < o.relief_scale)]) & ~cells.marked(cell[stands])
-        points = tracker.history[tracker.frame % tracker.HISTORY, slots]
-        self.memory.update(points, tracker.pixels[slots], h, sure, even)
+        o, tracker = self.options, views.tracker
+        even = self._cells.marked(cell.compress((s < o.relief_scale) & ~stands))
+        sure = stands.nonzero()[0]
+        if len(sure):
+            even &= ~self._cells.marked(cell.take(sure))
+            twice = (np.abs(h2) > o.standing_sigmas * s2) & (np.sign(h2) == np.sign(h))
+            sure = sure.compress(twice.take(sure))
+        points = tracker.history[tracker.frame % tracker.HISTORY].take(slots.take(sure), 0)
+        self.memory.update(points, pixels.take(sure, 0), h.take(sure), cell.take(sure), even)
 
 
 def turned(normal: Array, old_from_new: Array | None) -> Array:

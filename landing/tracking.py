@@ -196,7 +196,8 @@ class FeatureTracker:
         inside &= y < self.camera.height - 1 - margin
         good = _larger(back - start) < o.forward_backward_max_px
         good &= inside
-        good &= (status & status_back)[:, 0].view(bool)
+        good &= np.asarray(status, np.uint8).ravel().view(bool)
+        good &= np.asarray(status_back, np.uint8).ravel().view(bool)
         return np.asarray(found), good, inside
 
     def _changed(self) -> bool:

@@ -7,7 +7,6 @@ velocity tells how it changed: slow errors, which spoil the velocity itself, fal
 import math
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -63,9 +62,11 @@ def _guided(
         return None
     vehicle, detour = change
     # the whole way over the longest gap, in heights and in metres
-    way = detour[-1] - vehicle * moved.tau[-1]
-    square = float(way @ way)
-    per_metre = float(way @ moved.t[-1]) / square if square > 0 else 0.0
+    way = (detour[-1] - vehicle * moved.tau[-1]).tolist()
+    square = sum(x * x for x in way)
+    per_metre = (
+        sum(x * t for x, t in zip(way, moved.t[-1].tolist(), strict=True)) / square if square > 0 else 0.0
+    )
     if per_metre <= 0:
         return None
     known = per_metre * detour
@@ -97,7 +98,7 @@ def _moved(
     if found is None:
         return None
     tau = np.array([views.newest.time_s - views.view(int(gap)).time_s for gap in gaps])
-    variance = np.diagonal(found[1], axis1=1, axis2=2)[:, :3] * noise**2
+    variance = found[1].diagonal(axis1=1, axis2=2)[:, :3] * noise**2
     return _Moved(tau, found[0][:, :3], variance)
 
 
@@ -108,15 +109,31 @@ def _newest(
 
     ``doubtful`` (g, 3) is a displacement at one standard deviation that each axis may have a share of.
     """
-    basis = np.zeros((3, 3, len(t)))
-    basis[:, 0], basis[:, 1] = -moved.tau, moved.tau**2 * (acceleration_std / 2)
+    # columns: the acceleration and the share at one standard deviation, the velocity, what is observed
+    columns = np.empty((3, 3 if doubtful is None else 4, len(t)))
+    columns[:, 0], columns[:, -2] = moved.tau**2 * (acceleration_std / 2), -moved.tau
     if doubtful is not None:
-        basis[:, 2] = doubtful.T
-    weighted = basis / moved.variance.T[:, None]
-    information = weighted @ basis.transpose(0, 2, 1)
-    information[:, (1, 2), (1, 2)] += 1.0
-    covariance = np.array([cv2.invert(axis, flags=cv2.DECOMP_CHOLESKY)[1] for axis in information])
-    found = covariance @ (weighted @ t.T[..., None])
-    left = t.T - (found.transpose(0, 2, 1) @ basis)[:, 0]
-    chi_square = float((left**2 / moved.variance.T).sum() + (found[:, 1:] ** 2).sum())
-    return found[:, 0, 0], np.sqrt(covariance[:, 0, 0]), chi_square
+        columns[:, 1] = doubtful.T
+    columns[:, -1] = t.T
+    weighted = columns / moved.variance.T[:, None]
+    found = [_solved(product) for product in np.matmul(weighted, columns.transpose(0, 2, 1)).tolist()]
+    omega, std, chi_square = zip(*found, strict=True)
+    return np.array(omega), np.array(std), sum(chi_square)
+
+
+def _solved(product: list[list[float]]) -> tuple[float, float, float]:
+    """The last unknown but for the observation, its standard deviation and the chi-square, from the columns' products.
+
+    The unknowns before it have a prior of zero mean and unit variance; each is eliminated in turn.
+    """
+    while len(product) > 2:
+        product = _eliminated(product, 1.0)
+    (information, observed), _ = product
+    return observed / information, 1.0 / math.sqrt(information), _eliminated(product, 0.0)[0][0]
+
+
+def _eliminated(product: list[list[float]], precision: float) -> list[list[float]]:
+    """Products of columns without what the first explains, which has a prior of this ``precision``."""
+    first, *rest = product
+    pivot = first[0] + precision
+    return [[x - row[0] / pivot * y for x, y in zip(row[1:], first[1:], strict=True)] for row in rest]

@@ -74,6 +74,10 @@ class Views:
         """The tracks of the frames before the newest, turned into the world's axes; in the tracker's ring."""
         self._known = np.zeros(FeatureTracker.HISTORY, bool)
         """Whether the attitude that this takes was known."""
+        self._time_s = np.zeros(FeatureTracker.HISTORY)
+        self._velocity = np.full((FeatureTracker.HISTORY, 3), np.nan)
+        self._velocity_age_s = np.full(FeatureTracker.HISTORY, math.inf)
+        """Time, velocity (NED) and its age of every frame, in the tracker's ring."""
         self._late_s = 0.0
         self.corrected = False
         """Whether the newest exposure put earlier attitudes right."""
@@ -106,6 +110,11 @@ class Views:
             self._correct(view.late_s)
         if self._views:
             self._turn(self.tracker.frame - 1, self._views[-1].ned_from_camera)
+        place = self.tracker.frame % FeatureTracker.HISTORY
+        known = view.velocity_ned is not None
+        self._time_s[place] = view.time_s
+        self._velocity[place] = view.velocity_ned if known else math.nan
+        self._velocity_age_s[place] = view.velocity_age_s if known else math.inf
         self._views.append(view)
         if len(self._views) > FeatureTracker.HISTORY:
             del self._views[0]
@@ -182,21 +191,18 @@ class Views:
         velocity. None unless the velocity is known at every frame since, at most ``max_age_s`` old and never changing
         by more than ``max_acceleration`` (m/s^2).
         """
-        views = self._views[-1 - int(gaps.max()) :][::-1]
-        known = [
-            v.velocity_ned for v in views if v.velocity_ned is not None and v.velocity_age_s <= max_age_s
-        ]
         ned_from_camera = self.newest.ned_from_camera
-        if ned_from_camera is None or len(known) < len(views):
+        place = (self.tracker.frame - np.arange(int(gaps.max()) + 1)) % FeatureTracker.HISTORY
+        if ned_from_camera is None or self._velocity_age_s.take(place).max() > max_age_s:
             return None
-        velocity, time_s = np.array(known), np.array([v.time_s for v in views])
+        velocity, time_s = self._velocity.take(place, 0), self._time_s.take(place)
         newer, older = velocity[:-1], velocity[1:]
         interval_s = (time_s[1:] - time_s[:-1])[:, None]
         if (np.abs(older - newer) > max_acceleration * -interval_s).any():
             return None
         # by the trapezium rule
         steps = ((older + newer) / 2 - velocity[0]) * interval_s
-        return velocity[0] @ ned_from_camera, steps.cumsum(axis=0)[gaps - 1] @ ned_from_camera
+        return velocity[0] @ ned_from_camera, steps.cumsum(axis=0).take(gaps - 1, 0) @ ned_from_camera
 
     def baseline_std(self, gap: int) -> float:
         """Standard deviation (rad, per axis) of the measured rotation over ``gap`` frames."""

@@ -1,5 +1,7 @@
 """Points that stood out are carried along as what stands there moves, not as the ground about it does."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -34,6 +36,18 @@ def test_a_point_moves_as_far_as_its_height_says(
     space = (rays / (1 + height) - np.array(t)) @ rotation.T
     expected = CAMERA.project(space[:, :2] / space[:, 2:])
     assert made._pixels == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("remembered", [0, 2, 5])
+def test_no_more_points_are_kept_than_are_asked_for(remembered: int):
+    made = ReliefMemory(replace(OPTIONS, remembered=remembered), CAMERA, Cells(CAMERA, 80), 8.0)
+    for k in range(4):
+        made.add(np.array(((100.0 + 10 * k, 100.0),)), 0.1 * k)
+    kept = [0.0, 0.1, 0.2, 0.3][4 - min(remembered, 4) :]
+    assert made.heights == pytest.approx(kept)
+    cell, height = made.unseen(np.zeros(100, bool))
+    assert height == pytest.approx(kept)
+    assert len(cell) == len(kept)
 
 
 def test_without_a_prediction_all_is_forgotten():

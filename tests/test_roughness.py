@@ -153,6 +153,6 @@ def test_a_height_that_falls_with_the_way_is_an_error_of_place():
             views.tracker.frame = k
             now = np.full(10, np.nan)
             now[3] = height
-            counted[name] += found._standing(views.tracker, np.array([3]), now[[3]], np.array([0.004]))
-            found._measured[k] = _Measured(k, now, now, np.zeros(10, bool), np.array((0.0, 0.0, 1.0)))
+            counted[name] += found._standing(views.tracker, np.array([3]), now[[3]], np.array([True]))
+            found._measured[k] = _Measured(k, now, now, np.empty(0, np.intp), np.array((0.0, 0.0, 1.0)))
     assert counted == {"keeps": 5, "falls": 0}
