@@ -30,15 +30,18 @@ class Corners:
         top = (camera.height - self._rows * self.cell_px) // 2
         left = (camera.width - self._cols * self.cell_px) // 2
         self._first = np.array((left, top), np.float32)
-        self._last_cell = np.array((self._cols - 1, self._rows - 1), np.float32)
+        # the outermost cells reach to the border
+        row, column = (
+            np.clip((np.arange(side) - first) // self.cell_px, 0, count - 1)
+            for side, first, count in ((camera.height, top, self._rows), (camera.width, left, self._cols))
+        )
+        self._cell = (row[:, None] * self._cols + column).ravel()
         self._open, self._members = self._places()
 
     def cell_of(self, pixels: NDArray[np.float32]) -> NDArray[np.int64]:
-        """The grid's cell, row by row, of each pixel (n, 2)."""
-        # twice as fast as clip, and what is not negative may be cut off instead of rounded down
-        place = np.maximum(pixels - self._first, 0.0) / self.cell_px
-        column, row = np.minimum(place, self._last_cell).astype(np.int64).T
-        return np.asarray(row * self._cols + column)
+        """The grid's cell, row by row, of each pixel (n, 2) of the image."""
+        column, row = pixels.astype(np.int64).T
+        return self._cell.take(row * self.camera.width + column)
 
     def occupied(self, pixels: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Which cells hold one of the pixels (n, 2), row by row."""
@@ -64,9 +67,10 @@ class Corners:
         u, v = self._blocks(tracked).T
         taken[v, u] = 1
         side = 2 * (o.spacing_px // 2) + 1
-        strength[cv2.dilate(taken, np.ones((side, side), np.uint8)).view(bool)] = 0
+        beside = cv2.dilate(taken, np.ones((side, side), np.uint8)).view(bool)
         members = self._members.take(free, 0)
         among = strength.ravel().take(members)
+        among *= ~beside.ravel().take(members)
         best = among.argmax(axis=1)[:, None]
         value, place = np.take_along_axis(among, best, 1)[:, 0], np.take_along_axis(members, best, 1)[:, 0]
         # the match's standard deviation along the weak direction must be bearable

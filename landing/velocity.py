@@ -109,12 +109,12 @@ def _newest(
 
     ``doubtful`` (g, 3) is a displacement at one standard deviation that each axis may have a share of.
     """
-    # columns: the acceleration and the share at one standard deviation, the velocity, what is observed
-    columns = np.empty((3, 3 if doubtful is None else 4, len(t)))
-    columns[:, 0], columns[:, -2] = moved.tau**2 * (acceleration_std / 2), -moved.tau
+    # columns: velocity, acceleration and share at one standard deviation, what is observed
+    columns = np.zeros((3, 4, len(t)))
+    columns[:, 0], columns[:, 1] = -moved.tau, moved.tau**2 * (acceleration_std / 2)
     if doubtful is not None:
-        columns[:, 1] = doubtful.T
-    columns[:, -1] = t.T
+        columns[:, 2] = doubtful.T
+    columns[:, 3] = t.T
     weighted = columns / moved.variance.T[:, None]
     found = [_solved(product) for product in np.matmul(weighted, columns.transpose(0, 2, 1)).tolist()]
     omega, std, chi_square = zip(*found, strict=True)
@@ -122,18 +122,14 @@ def _newest(
 
 
 def _solved(product: list[list[float]]) -> tuple[float, float, float]:
-    """The last unknown but for the observation, its standard deviation and the chi-square, from the columns' products.
+    """The velocity, its standard deviation and the chi-square, from the products of the columns.
 
-    The unknowns before it have a prior of zero mean and unit variance; each is eliminated in turn.
+    Acceleration and share have a prior of zero mean and unit variance; they are eliminated one after the other.
     """
-    while len(product) > 2:
-        product = _eliminated(product, 1.0)
-    (information, observed), _ = product
-    return observed / information, 1.0 / math.sqrt(information), _eliminated(product, 0.0)[0][0]
-
-
-def _eliminated(product: list[list[float]], precision: float) -> list[list[float]]:
-    """Products of columns without what the first explains, which has a prior of this ``precision``."""
-    first, *rest = product
-    pivot = first[0] + precision
-    return [[x - row[0] / pivot * y for x, y in zip(row[1:], first[1:], strict=True)] for row in rest]
+    (vv, va, vs, vt), (_, aa, sa, at), (_, _, ss, st), (_, _, _, tt) = product
+    aa += 1.0
+    v, s, t = va / aa, sa / aa, at / aa
+    vv, vs, vt, ss, st, tt = vv - v * va, vs - v * sa, vt - v * at, ss - s * sa + 1.0, st - s * at, tt - t * at
+    v, t = vs / ss, st / ss
+    vv, vt, tt = vv - v * vs, vt - v * st, tt - t * st
+    return vt / vv, 1.0 / math.sqrt(vv), tt - vt * vt / vv

@@ -70,7 +70,7 @@ class Views:
         self.tracker = FeatureTracker(camera, options)
         self._views: list[View] = []
         slots = len(self.tracker.alive)
-        self._rays = np.full((3, FeatureTracker.HISTORY, slots), np.nan)
+        self._rays = np.full((FeatureTracker.HISTORY, 3, slots), np.nan)
         """The tracks of the frames before the newest, turned into the world's axes; in the tracker's ring."""
         self._known = np.zeros(FeatureTracker.HISTORY, bool)
         """Whether the attitude that this takes was known."""
@@ -213,18 +213,17 @@ class Views:
         place = frame % self.tracker.HISTORY
         self._known[place] = turn is not None
         if turn is not None:
-            self._rays[:, place] = turn[:, :2] @ self.tracker.history[place].T + turn[:, 2:]
+            self._rays[place] = np.dot(turn[:, :2], self.tracker.history[place].T) + turn[:, 2:]
 
     def _derotated(self, gaps: NDArray[np.intp], slots: NDArray[np.intp]) -> Array:
         """Places (g, n, 2) of tracks in the frames ``gaps`` before the newest, as if taken in its attitude."""
         tracker, newest = self.tracker, self.newest.ned_from_camera
         place = (tracker.frame - gaps) % tracker.HISTORY
-        if newest is None or not self._known[place].all():
+        if newest is None or not self._known.take(place).all():
             return tracker.history[place[:, None], slots]
-        wanted = (place[:, None] * len(tracker.alive) + slots).ravel()
-        q = newest.T @ self._rays.reshape(3, -1).take(wanted, axis=1)
-        q[:2] /= q[2]
-        return q[:2].reshape(2, len(gaps), -1).transpose(1, 2, 0)
+        q = np.matmul(newest.T, self._rays.take(place, 0).take(slots, 2))
+        q[:, :2] /= q[:, 2:]
+        return q[:, :2].transpose(0, 2, 1)
 
     def profile(self, least: float, share: float, sample: int) -> tuple[NDArray[np.intp], Array, Array]:
         """Gaps (g,), how many tracks each has in common with the newest frame, and their RMS flow after derotation.
