@@ -171,12 +171,12 @@ class Border:
             return []
         tracks, derotated = views.stack(np.array(gaps))
         # over so short a time a rotation's error is small, and common to both strips
-        weight = plane.weights(len(views.tracker.alive)).take(tracks.slots)
-        found = OverPlane(tracks.new, derotated, plane.normal, tracks.whitener).displacement(weight)
+        weight, normal = plane.weights(len(views.tracker.alive)).take(tracks.slots), plane.normal
+        found = OverPlane(tracks.new, derotated, normal, tracks.whitener).displacement(weight)
         if found is None:
             return []
         return [
-            _Before(gap, rotation @ towards(t, plane.normal), rotation)
+            _Before(gap, rotation @ towards(t.tolist(), normal.tolist()), rotation)
             for gap, rotation, t in zip(gaps, rotations, found[0], strict=True)
         ]
 

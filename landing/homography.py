@@ -1,6 +1,7 @@
 """Homographies of normalised image points: by least squares, robustly, and as a map to warp an image by."""
 
 import math
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -24,9 +25,9 @@ def apply(h: Array, points: Points) -> Points:
     return q[:, :2] / q[:, 2:]
 
 
-def towards(t: Array, normal: Array) -> Array:
+def towards(t: Sequence[float] | Array, normal: Sequence[float] | Array) -> Array:
     """I - t n^T (3, 3): points on a plane of the normal n (3,) as seen after a displacement over height t (3,)."""
-    (x, y, z), (a, b, c) = t.tolist(), normal.tolist()
+    (x, y, z), (a, b, c) = t, normal
     return np.array(((1 - x * a, -x * b, -x * c), (-y * a, 1 - y * b, -y * c), (-z * a, -z * b, 1 - z * c)))
 
 

@@ -99,7 +99,8 @@ class SurfacePipeline:
             return None
         new_from_last = (observation.ned_from_body @ self.camera.body_from_camera).T @ last.ned_from_camera
         omega, normal = self._motion
-        moved = towards(omega * (observation.time_s - last.time_s), normal)
+        way = omega * (observation.time_s - last.time_s)
+        moved = towards(way.tolist(), normal.tolist())
         return new_from_last @ moved, new_from_last
 
     def _estimate(self, observation: Observation, plane: Plane) -> SurfaceEstimate:

@@ -200,8 +200,9 @@ class _Problem:
     def residual(self, x: Array) -> Array:
         """Squared length (n,) of observed minus predicted in the old frame, whitened."""
         self.at = x
-        self.rotation = np.dot(self.rotation0, exp_so3(x[5:]))
-        self.to_seen = towards(x[:3], np.array((-x[3], -x[4], 1.0)))
+        tx, ty, tz, a, b, *turn = x.tolist()
+        self.rotation = np.dot(self.rotation0, exp_so3(turn))
+        self.to_seen = towards((tx, ty, tz), (-a, -b, 1.0))
         there = np.dot(np.dot(self.rotation, self.to_seen), self.p)
         self.inverse = 1.0 / there[2]
         u, v = self.projected = there[:2] * self.inverse

@@ -71,6 +71,7 @@ class ReliefMemory:
             q, self.heights = q.compress(ahead, 1), self.heights.compress(ahead)
         q /= q[2]
         self._rays, self._pixels = q, self.camera.project(q[:2].T)
+        self._locate()
         margin = self.options.margin_kept * self.camera.width
         beyond = np.array((self.camera.width, self.camera.height)) + margin
         self._keep(_all(np.logical_and(self._pixels >= -margin, self._pixels < beyond)))
@@ -114,7 +115,7 @@ class ReliefMemory:
         if not keep.all():
             self._rays, self._pixels = self._rays.compress(keep, 1), self._pixels.compress(keep, 0)
             self.heights = self.heights.compress(keep)
-        self._locate()
+            self._cell, self._in_border = self._cell.compress(keep), self._in_border.compress(keep)
 
     def _locate(self) -> None:
         """The cell of each point, and whether it lies in the border."""

@@ -1,6 +1,7 @@
 """Rotations: matrices named ``a_from_b``, aerospace angles, the exponential map."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +36,7 @@ def skew(v: NDArray[np.float64]) -> Matrix:
     return np.array(((0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)))
 
 
-def exp_so3(v: NDArray[np.float64]) -> Matrix:
+def exp_so3(v: Sequence[float] | NDArray[np.float64]) -> Matrix:
     """Rotation (3, 3) by the rotation vector v (3,) in radians (Rodrigues)."""
     x, y, z = float(v[0]), float(v[1]), float(v[2])
     angle2 = x * x + y * y + z * z

@@ -120,14 +120,14 @@ class ReliefMap:
         are the newest of as many frames ago, so that the two have at most the middle frame in common.
         """
         tracker, o = views.tracker, self.options
-        weight = plane.weights(len(tracker.alive))
+        weight, normal = plane.weights(len(tracker.alive)), plane.normal
         reach = max(1, _SHARE[0] * plane.gap // _SHARE[1])
         gaps, slots, index = self._gaps(views, reach)
         oldest, index = index == 0, np.minimum(index, len(gaps) - 1)
         # the displacements over all the gaps come from the tracks that reach back over all of them
         tracks, derotated = views.stack(gaps, slots)
         own = derotated[index, np.arange(len(index))]
-        over = OverPlane(tracks.new, derotated, plane.normal, tracks.whitener, turned=own)
+        over = OverPlane(tracks.new, derotated, normal, tracks.whitener, turned=own)
         rotation_std = np.array((o.rotation_std_rad, o.rotation_std_rad, o.yaw_std_rad))
         rotation_std = np.hypot(rotation_std, views.baseline_std(reach))
         found = over.displacement(weight.take(slots), rotation_std, oldest)
@@ -136,19 +136,19 @@ class ReliefMap:
             self._measured[place] = None
             nothing = np.empty(0)
             return slots[:0], nothing, nothing, nothing, nothing, 0
-        h, s, wrong = heights(*over.against(found[0], index), plane.normal, o)
-        older, older_std, older_wrong = self._recall(views, plane, weight, reach, slots)
+        h, s, wrong = heights(*over.against(found[0], index), normal, o)
+        older, older_std, older_wrong = self._recall(views, normal, weight, reach, slots)
         height, std = np.full((2, len(weight)), math.nan)
         height[slots], std[slots] = h, s
-        self._measured[place] = _Measured(tracker.frame, height, std, slots[wrong], plane.normal)
+        self._measured[place] = _Measured(tracker.frame, height, std, slots[wrong], normal)
         good = (~(wrong | older_wrong)).nonzero()[0]
         gross = int(np.count_nonzero(wrong))
         return slots.take(good), h.take(good), s.take(good), older.take(good), older_std.take(good), gross
 
     def _recall(
-        self, views: Views, plane: Plane, weight: Array, reach: int, slots: NDArray[np.intp]
+        self, views: Views, normal: Array, weight: Array, reach: int, slots: NDArray[np.intp]
     ) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """What ``slots`` showed ``reach`` frames ago, heights over the plane of now: they, their std, gross errors."""
+        """What ``slots`` showed ``reach`` frames ago, heights over this ``normal``: they, their std, gross errors."""
         tracker = views.tracker
         height, std = np.full((2, len(slots)), math.nan)
         wrong = np.zeros(len(weight), bool)
@@ -164,7 +164,7 @@ class ReliefMap:
         known = (same & np.isfinite(before) & ~gross).nonzero()[0]
         seen = slots.take(known)
         point = tracker.history[frame % tracker.HISTORY].take(seen, 0)
-        now = turned(plane.normal, views.rotation(reach))
+        now = turned(normal, views.rotation(reach))
         # the inverse depth is (1 + e) n . p whichever the plane, but for the scale: what fits the plane has none
         old, new = (n[2] + np.dot(point, n[:2]) for n in (then.normal, now))
         inverse = (1 + before.take(known) * math.sqrt(float(then.normal @ then.normal))) * old / new
