@@ -1,6 +1,7 @@
 """What a frame costs: the pipeline, stage by stage, beside OpenCV's corner detection and tracking of the same frames.
 
-Times are processor time of one core. Both sides take each frame in turn, so that a busy machine slows both alike.
+Times are processor time of one core. Both sides take each frame in turn, so that a busy machine slows both alike. The
+stages are timed in a run of their own, since a stopwatch at every stage slows the whole.
 """
 
 import gc
@@ -135,14 +136,14 @@ def measure(material: Material) -> Figures:
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:
-        timed = _timed(material)
+        detection, tracking, whole = _compared(material)
+        watched, stages = _staged(material)
         traced, resident = _growth(material)
     finally:
         cv2.setNumThreads(threads)
-    detection, tracking, whole, stages = timed
     opencv_ms = statistics.median(d + t for d, t in zip(detection, tracking, strict=True))
     whole_ms = statistics.median(whole)
-    in_stages = [sum(times[i] for times in stages.values()) for i in range(len(whole))]
+    in_stages = [sum(times[i] for times in stages.values()) for i in range(len(watched))]
     return Figures(
         material.camera.width,
         material.camera.height,
@@ -151,7 +152,7 @@ def measure(material: Material) -> Figures:
         statistics.median(tracking),
         opencv_ms,
         {name: _stage(times) for name, times in stages.items()},
-        statistics.median(w - s for w, s in zip(whole, in_stages, strict=True)),
+        statistics.median(w - s for w, s in zip(watched, in_stages, strict=True)),
         whole_ms,
         statistics.fmean(whole),
         whole_ms / opencv_ms,
@@ -243,27 +244,39 @@ class _Stopwatch:
 Times = list[float]
 
 
-def _timed(material: Material) -> tuple[Times, Times, Times, dict[str, Times]]:
-    """Detection, tracking, whole pipeline and each stage, ms a frame, without the first frames."""
+def _compared(material: Material) -> tuple[Times, Times, Times]:
+    """Detection, tracking and the whole pipeline, ms a frame, without the first frames."""
     pipeline = SurfacePipeline(material.camera, material.options)
     detection, tracking, whole = [], [], []
+    gc.collect()
+    pipeline.step(material.observations[0])
+    for before, now in itertools.pairwise(material.observations):
+        started = time.process_time_ns()
+        pipeline.step(now)
+        whole.append((time.process_time_ns() - started) * 1e-6)
+        detect_ms, track_ms = _opencv(before.image, now.image)
+        detection.append(detect_ms)
+        tracking.append(track_ms)
+    return detection[WARM_UP:], tracking[WARM_UP:], whole[WARM_UP:]
+
+
+def _staged(material: Material) -> tuple[Times, dict[str, Times]]:
+    """The whole pipeline with a stopwatch at each stage, and each stage, ms a frame, without the first frames."""
+    pipeline = SurfacePipeline(material.camera, material.options)
+    whole: Times = []
     stages: dict[str, Times] = {stage: [] for stage in STAGES}
     watch = _Stopwatch()
     gc.collect()
     with watch.watching():
         pipeline.step(material.observations[0])
-        for before, now in itertools.pairwise(material.observations):
+        for observation in material.observations[1:]:
             watch.lap()
             started = time.process_time_ns()
-            pipeline.step(now)
+            pipeline.step(observation)
             whole.append((time.process_time_ns() - started) * 1e-6)
             for stage, ms in watch.lap().items():
                 stages[stage].append(ms)
-            detect_ms, track_ms = _opencv(before.image, now.image)
-            detection.append(detect_ms)
-            tracking.append(track_ms)
-    counted = {stage: times[WARM_UP:] for stage, times in stages.items()}
-    return detection[WARM_UP:], tracking[WARM_UP:], whole[WARM_UP:], counted
+    return whole[WARM_UP:], {stage: times[WARM_UP:] for stage, times in stages.items()}
 
 
 def _opencv(before: NDArray[np.uint8], now: NDArray[np.uint8]) -> tuple[float, float]:
