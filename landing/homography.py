@@ -21,8 +21,9 @@ _ALL = slice(None)
 
 def apply(h: Array, points: Points) -> Points:
     """Points (n, 2) after the homography (3, 3)."""
-    q = points @ h[:, :2].T + h[:, 2]
-    return q[:, :2] / q[:, 2:]
+    if not len(points):
+        return np.empty((0, 2))
+    return np.asarray(cv2.perspectiveTransform(points[:, None], h)[:, 0], np.float64)
 
 
 def towards(t: Sequence[float] | Array, normal: Sequence[float] | Array) -> Array:

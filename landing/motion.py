@@ -92,19 +92,19 @@ class OverPlane:
         ``motion`` (g, 6) is what ``displacement`` found; ``gap`` (n,) the number of the older frame for each track.
         """
         n = self._rows.shape[-1]
-        place = gap * (2 * n) + np.arange(n)
-        both = self._rows[self._fixed :].reshape(-1)
-        first = np.stack((place, place + n))
-        tx, ty, tz, wx, wy, wz = motion.T.take(gap, 1)
-        moved = self._rows[: self._fixed] * np.stack((tx, ty, wx, wy, wz))[:, None]
-        along = both.take(first) * tz
-        along += moved[0]
-        along += moved[1]
-        left = both.take(first + self._gaps * (2 * n))
-        left -= along
-        for turned in moved[2:]:
-            left -= turned
-        return along, left
+        both = self._rows[self._fixed :].reshape(2, -1)
+        place = gap * (2 * n)
+        place += np.arange(n)
+        z, observed = both.take(np.concatenate((place, place + n)), 1).reshape(2, 2, n)
+        own = motion.T.take(gap, 1)
+        along = self._rows[0] * own[0]
+        along += self._rows[1] * own[1]
+        z *= own[2]
+        along += z
+        observed -= along
+        turned = self._rows[2 : self._fixed] * own[3:, None]
+        observed -= turned.sum(axis=0)
+        return along, observed
 
 
 @cache
