@@ -21,16 +21,15 @@ class OverPlane:
     """
 
     def __init__(
-        self, new: Array, derotated_old: Array, normal: Array, whitener: Array, turned: Array | None = None
+        self, new: Array, derotated_old: Array, normal: Array, whitener: Array, turns: bool = False
     ) -> None:
         """``new`` is (n, 2), ``derotated_old`` (g, n, 2): the same tracks in g older frames; ``normal`` (3,).
 
-        ``whitener`` (3, n) as in ``TrackPair``. With ``turned`` an error of the rotation is solved for as well; it
-        holds the old places (n, 2) where its effect is worked out, those that matter most: elsewhere it is off by the
-        error times the flow between.
+        ``whitener`` (3, n) as in ``TrackPair``. With ``turns`` an error of the rotation is solved for as well, what it
+        does worked out at the newest places: off by the error times the flow, far below the tracks' noise.
         """
         g, n = derotated_old.shape[:2]
-        self._gaps, self._fixed = g, 2 if turned is None else 5
+        self._gaps, self._fixed = g, 5 if turns else 2
         # unit displacements along x and y, unit turns, those along z over each gap, what is observed over each gap
         rows = self._rows = np.empty((self._fixed + 2 * g, 2, n))
         x, y = new[:, 0], new[:, 1]
@@ -43,14 +42,11 @@ class OverPlane:
         np.multiply(along_y, negative, out=rows[1])
         now = along_y * y
         now[0] += c11 * x
-        if turned is not None:
+        if turns:
             # -(xy, 1 + y^2), (1 + x^2, xy), (-y, x)
-            x, y = turned[:, 0], turned[:, 1]
-            then = along_y * y
-            then[0] += c11 * x
-            np.multiply(then, -y, out=rows[2])
+            np.multiply(now, -y, out=rows[2])
             rows[2] -= along_y
-            np.multiply(then, x, out=rows[3])
+            np.multiply(now, x, out=rows[3])
             rows[3, 0] += c11
             np.multiply(along_y, x, out=rows[4])
             rows[4, 0] -= c11 * y
@@ -65,7 +61,7 @@ class OverPlane:
     ) -> tuple[Array, Array] | None:
         """Displacements over height t (g, 3) and their covariances (g, 3, 3) in units of the whitened noise squared.
 
-        With ``turned`` an error of the rotation follows, (g, 6) and (g, 6, 6), under a prior of ``rotation_std`` (3,)
+        With ``turns`` an error of the rotation follows, (g, 6) and (g, 6, 6), under a prior of ``rotation_std`` (3,)
         over the whitened noise. ``weight`` (n,) leaves out what a robust fit refused, ``chosen`` (n,) what the older
         frames did not see. None with fewer than six tracks or a singular pattern.
         """

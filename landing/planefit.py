@@ -88,7 +88,7 @@ def fit_plane(
     carried: tuple[Array, float] | None = None,
     cut: float = 5.0,
     iterations: int = 15,
-    tolerance: float = 0.8,
+    tolerance: float = 0.45,
 ) -> PlaneFit | None:
     """Fit the plane to tracks ``new`` and ``old`` (n, 2), normalised coordinates of two frames.
 
@@ -96,7 +96,7 @@ def fit_plane(
     noise that another fit found, which serve for the first step; without a start the fit begins at a robust
     homography. None with fewer than eight tracks or when no homography explains them. Tukey weights on the length of
     each residual, cut at ``cut`` times the noise, which is estimated along the way (median, then the inliers'); done
-    when Newton's decrement is below ``tolerance``: the step was then a third of a sigma in each parameter, and what
+    when Newton's decrement is below ``tolerance``: the step was then a quarter of a sigma in each parameter, and what
     is left of it is far less.
     """
     if len(new) < PARAMETERS:

@@ -126,8 +126,7 @@ class ReliefMap:
         oldest, index = index == 0, np.minimum(index, len(gaps) - 1)
         # the displacements over all the gaps come from the tracks that reach back over all of them
         tracks, derotated = views.stack(gaps, slots)
-        own = derotated[index, np.arange(len(index))]
-        over = OverPlane(tracks.new, derotated, normal, tracks.whitener, turned=own)
+        over = OverPlane(tracks.new, derotated, normal, tracks.whitener, turns=True)
         rotation_std = np.array((o.rotation_std_rad, o.rotation_std_rad, o.yaw_std_rad))
         rotation_std = np.hypot(rotation_std, views.baseline_std(reach))
         found = over.displacement(weight.take(slots), rotation_std, oldest)

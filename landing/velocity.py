@@ -92,8 +92,7 @@ def _moved(
     tracks, derotated = views.stack(gaps)
     # a rotation shows in the curvature of the flow alone, where errors that neighbouring tracks share count most
     std = np.full(3, rotation_std / (shared_noise * noise))
-    # between the shorter and the longer gaps what the turns are off by cancels
-    over = OverPlane(tracks.new, derotated, normal, tracks.whitener, turned=derotated[len(derotated) // 2])
+    over = OverPlane(tracks.new, derotated, normal, tracks.whitener, turns=True)
     found = over.displacement(weight.take(tracks.slots), std)
     if found is None:
         return None

@@ -132,7 +132,7 @@ def test_relief_that_goes_astray_a_little_is_no_gross_error(along: float, across
     old[0] = new[0] - t[:2] * (1 + along) + (0.0, across * t[0])
     whitener = np.array(((1 / 2e-4,), (0.0,), (1 / 2e-4,))) * np.ones(60)
     level = np.array((0.0, 0.0, 1.0))
-    over = OverPlane(new, old[None], level, whitener, turned=old)
+    over = OverPlane(new, old[None], level, whitener, turns=True)
     height, std, gross = heights(*over.against(t[None], np.zeros(60, np.intp)), level, OPTIONS)
     assert gross[0] == wrong
     assert height[0] == pytest.approx(along, abs=5 * std[0])
