@@ -82,16 +82,12 @@ class _Place:
 
 
 @dataclass(frozen=True, slots=True)
-class _Strip:
-    """Blocks (k,) along a side: height over the distance, its information, middles (k, 2) px.
+class _Strips:
+    """Blocks (k,) of the strips (s,) along a side: height (s, k) over the distance, its information (s, k)."""
 
-    ``end_px``: how far the strip reaches, from the side.
-    """
-
+    places: list[_Place]
     height: Array
     information: Array
-    middles: Array
-    end_px: int
 
 
 class _Side:
@@ -145,10 +141,10 @@ class Border:
         found: list[Standing] = []
         places = self._places(self._before(views, plane, self._gaps(views, plane)))
         self.incoming = {place.side for place in places}
-        for place in places:
-            strip = self._strip(views, place)
-            found += self._standing(place.side, strip)
-            self._learn(strip)
+        for number in self.incoming:
+            strips = self._strips(views, [place for place in places if place.side == number])
+            found += self._standing(strips)
+            self._learn(strips)
         last = self._last if self._frame == views.tracker.frame - 1 else set()
         self._frame, self._last = views.tracker.frame, {standing.side for standing in found}
         most = max(found, key=lambda standing: standing.mean_square, default=None)
@@ -182,79 +178,110 @@ class Border:
 
     def _places(self, befores: list[_Before]) -> list[_Place]:
         """The strips at the sides where ground comes in."""
-        found = []
-        for before in befores:
-            way = self._middles - self.camera.project(apply(before.on_plane, self._middle_rays))
+        if not befores:
+            return []
+        there = np.concatenate([apply(before.on_plane, self._middle_rays) for before in befores])
+        way = self._middles - self.camera.project(there).reshape(len(befores), -1, 2)
+        wanted = []
+        for before, moved in zip(befores, way.tolist(), strict=True):
             for number, side in enumerate(self._sides):
-                coming = float(-way[number, side.axis] if side.far else way[number, side.axis])
+                coming = -moved[number][side.axis] if side.far else moved[number][side.axis]
                 begin = math.ceil(coming) + _CLEAR if coming >= _LEAST_PX else side.across_px
                 if begin + _REFERENCE.stop < side.across_px // 2 and side.blocks:
-                    rays = side.rays[[begin + _DEPTH // 2, begin + (_REFERENCE.start + _REFERENCE.stop) // 2]]
-                    rays = rays.reshape(-1, 2)
-                    both = np.concatenate((apply(before.on_plane, rays), apply(before.far_away, rays)))
-                    on_plane, far_away = self.camera.project(both).reshape(2, 2, side.blocks, 2)
-                    found.append(_Place(number, begin, before, (on_plane - far_away).astype(np.float32)))
-        return found
+                    wanted.append((number, begin, before))
+        if not wanted:
+            return []
+        seen = []
+        for number, begin, before in wanted:
+            lines = [begin + _DEPTH // 2, begin + (_REFERENCE.start + _REFERENCE.stop) // 2]
+            rays = self._sides[number].rays[lines].reshape(-1, 2)
+            seen += [apply(before.on_plane, rays), apply(before.far_away, rays)]
+        pixels = np.split(self.camera.project(np.concatenate(seen)), np.cumsum([len(x) for x in seen])[:-1])
+        return [
+            _Place(*place, (on_plane - far_away).reshape(2, -1, 2).astype(np.float32))
+            for place, on_plane, far_away in zip(wanted, pixels[::2], pixels[1::2], strict=True)
+        ]
 
-    def _strip(self, views: Views, place: _Place) -> _Strip:
-        """The outer strip over the one further in; blocks that the older frame did not see have no information."""
-        o, side, depth = self.options, self._sides[place.side], _REFERENCE.stop
-        rows, columns = side.window(place.begin, depth)
-        new, old = views.tracker.images[0], views.tracker.images[place.before.gap]
-        places = self._warp.places(place.before.on_plane, rows, columns)
-        warped = cv2.remap(old, places, _NO_SECOND_MAP, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT_101)
+    def _strips(self, views: Views, places: list[_Place]) -> _Strips:
+        """A side's outer strips over those further in; blocks that the older frame did not see have no information."""
+        o, side, depth = self.options, self._sides[places[0].side], _REFERENCE.stop
+        new = views.tracker.images[0]
+        first, last = min(place.begin for place in places), max(place.begin for place in places)
+        rows, columns = side.window(first, last - first + depth)
         around = new[rows.start - 1 : rows.stop + 1, columns.start - 1 : columns.stop + 1]
-        gx, gy = (
-            side.lines(cv2.Scharr(around, cv2.CV_32F, *d, scale=1 / 32)[1:-1, 1:-1]) for d in ((1, 0), (0, 1))
+        slope = np.stack(
+            [
+                side.lines(cv2.Scharr(around, cv2.CV_32F, *d, scale=1 / 32)[1:-1, 1:-1])
+                for d in ((1, 0), (0, 1))
+            ]
         )
-        left = side.lines(cv2.subtract(new[rows, columns], warped, dtype=cv2.CV_32F))
+        # u and v of the slopes, what has changed, the pixels across the side where each was seen: of each strip's lines
+        slopes = np.stack([slope[:, p.begin - first : p.begin - first + depth] for p in places])
+        changed, across = np.empty((2, len(places), *slopes.shape[2:]), np.float32)
+        for place, left, beside in zip(places, changed, across, strict=True):
+            rows, columns = side.window(place.begin, depth)
+            at = self._warp.places(place.before.on_plane, rows, columns)
+            old = views.tracker.images[place.before.gap]
+            warped = cv2.remap(old, at, _NO_SECOND_MAP, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT_101)
+            left[:] = side.lines(cv2.subtract(new[rows, columns], warped, dtype=cv2.CV_32F))
+            beside[:] = side.lines(at[..., side.axis])
+        # per unit height, of the outer blocks and of those further in: (strip, u and v, 1, block, 1)
+        shift = np.stack([place.parallax for place in places]).transpose(1, 0, 3, 2)[:, :, :, None, :, None]
         # in each block what unit height changes, what has changed, and what is the same everywhere
-        rows_of = np.ones((side.blocks, 3, _DEPTH, _LENGTH), np.float32)
-        outer, shift = slice(0, _DEPTH), place.parallax[0]
-        rows_of[:, 0] = (gx[outer] * shift[:, :1] + gy[outer] * shift[:, 1:]).transpose(1, 0, 2)
-        rows_of[:, 1] = left[outer].transpose(1, 0, 2)
-        flat = rows_of.reshape(side.blocks, 3, -1)
-        product = np.matmul(flat[:, :2], flat.transpose(0, 2, 1))
+        rows_of = np.ones((len(places), side.blocks, 3, _DEPTH, _LENGTH), np.float32)
+        rows_of[:, :, 0] = (slopes[:, :, :_DEPTH] * shift[0]).sum(axis=1).transpose(0, 2, 1, 3)
+        rows_of[:, :, 1] = changed[:, :_DEPTH].transpose(0, 2, 1, 3)
+        flat = rows_of.reshape(len(places), side.blocks, 3, -1)
+        product = np.matmul(flat[:, :, :2], flat.transpose(0, 1, 3, 2)).astype(np.float64)
         pixels = _DEPTH * _LENGTH
-        square = np.maximum(product[:, 0, 0] - product[:, 0, 2] ** 2 / pixels, 1e-9)
-        cross = product[:, 0, 1] - product[:, 0, 2] * product[:, 1, 2] / pixels
+        square = np.maximum(product[..., 0, 0] - product[..., 0, 2] ** 2 / pixels, 1e-9)
+        cross = product[..., 0, 1] - product[..., 0, 2] * product[..., 1, 2] / pixels
         height = cross / square
-        rest = product[:, 1, 1] - product[:, 1, 2] ** 2 / pixels - height * cross
+        rest = product[..., 1, 1] - product[..., 1, 2] ** 2 / pixels - height * cross
         noise = np.maximum(rest, 0.0) / (pixels * square)
-        locking2 = o.border_locking_px**2 / np.maximum((place.parallax[0] ** 2).sum(axis=1), 1e-6)
-        beside = side.lines(places[..., side.axis])[:_DEPTH]
-        seen = (beside.min(axis=(0, 2)) >= 0) & (beside.max(axis=(0, 2)) <= side.across_px - 1)
+        moved2 = (shift[0, ..., 0] ** 2).sum(axis=(1, 2))
+        locking2 = o.border_locking_px**2 / np.maximum(moved2, 1e-6)
+        outer = across[:, :_DEPTH]
+        seen = (outer.min(axis=(1, 3)) >= 0) & (outer.max(axis=(1, 3)) <= side.across_px - 1)
         information = np.where(seen, 1 / (o.border_noise**2 * noise + locking2), 0.0)
         # of the inner strip as a whole
-        inner, shift = _REFERENCE, place.parallax[1]
-        by_height = (gx[inner] * shift[:, :1] + gy[inner] * shift[:, 1:]).ravel()
-        by_height -= float(by_height.sum()) / len(by_height)
-        common = float(left[inner].ravel() @ by_height) / max(float(by_height @ by_height), 1e-9)
-        middles = side.middles[place.begin + _DEPTH // 2]
-        return _Strip(height.astype(np.float64) - common, information, middles, place.begin + _DEPTH)
+        by_height = (slopes[:, :, _REFERENCE] * shift[1]).sum(axis=1).reshape(len(places), -1)
+        by_height -= by_height.mean(axis=1, keepdims=True)
+        left = changed[:, _REFERENCE].reshape(len(places), -1)
+        common = (left * by_height).sum(axis=1) / np.maximum((by_height**2).sum(axis=1), 1e-9)
+        return _Strips(places, height - common[:, None], information)
 
-    def _standing(self, side: int, strip: _Strip) -> list[Standing]:
-        """The runs of blocks that stand out for sure, of each length the one that adds most to the view's relief."""
+    def _standing(self, strips: _Strips) -> list[Standing]:
+        """The runs of blocks that stand out for sure, in each strip and of each length the one that adds most."""
         out = []
-        weighted = strip.height * strip.information
-        for length in {*(min(run, len(weighted)) for run in _RUNS), len(weighted)}:
-            ones = np.ones(length)
-            total = np.maximum(np.convolve(strip.information, ones, "valid"), 1e-9)
-            mean = np.convolve(weighted, ones, "valid") / total
-            sure = np.abs(mean) * np.sqrt(total) > self.options.border_sigmas * max(self._scatter, 1.0)
-            best = int(np.where(sure, np.abs(mean), 0.0).argmax())
-            if sure[best]:
-                share = length * _LENGTH * strip.end_px / (self.camera.width * self.camera.height)
-                places = strip.middles[best : best + length]
-                out.append(Standing(side, places, float(mean[best]), float(mean[best] ** 2) * share))
+        side, blocks = self._sides[strips.places[0].side], strips.height.shape[1]
+        both = np.zeros((2, len(strips.places), blocks + 1))
+        np.cumsum(strips.information, axis=1, out=both[0, :, 1:])
+        np.cumsum(strips.height * strips.information, axis=1, out=both[1, :, 1:])
+        for length in {*(min(run, blocks) for run in _RUNS), blocks}:
+            total, weighted = both[..., length:] - both[..., :-length]
+            total = np.maximum(total, 1e-9)
+            sure = np.abs(weighted) > self.options.border_sigmas * max(self._scatter, 1.0) * np.sqrt(total)
+            if not sure.any():
+                continue
+            mean = weighted / total
+            for place, means, candidates in zip(strips.places, mean, sure, strict=True):
+                best = int(np.where(candidates, np.abs(means), 0.0).argmax())
+                if candidates[best]:
+                    size = self.camera.width * self.camera.height
+                    share = length * _LENGTH * (place.begin + _DEPTH) / size
+                    middles = side.middles[place.begin + _DEPTH // 2, best : best + length]
+                    square = float(means[best] ** 2) * share
+                    out.append(Standing(place.side, middles, float(means[best]), square))
         return out
 
-    def _learn(self, strip: _Strip) -> None:
+    def _learn(self, strips: _Strips) -> None:
         """How much blocks beside each other differ, over their sigma: more in compressed pictures of faint ground."""
-        seen = strip.information > 0
-        height = strip.height[seen]
-        middle = len(height) // 2
-        if len(height) >= _RUNS[-1]:
-            away = np.abs(height - np.partition(height, middle)[middle]) * np.sqrt(strip.information[seen])
-            typical = float(np.partition(away, middle)[middle]) * _MEDIAN_TO_STD
-            self._scatter += _LEARNT * (typical - self._scatter)
+        for all_heights, information in zip(strips.height, strips.information, strict=True):
+            seen = information > 0
+            height = all_heights[seen]
+            middle = len(height) // 2
+            if len(height) >= _RUNS[-1]:
+                away = np.abs(height - np.partition(height, middle)[middle]) * np.sqrt(information[seen])
+                typical = float(np.partition(away, middle)[middle]) * _MEDIAN_TO_STD
+                self._scatter += _LEARNT * (typical - self._scatter)

@@ -47,6 +47,8 @@ class ReliefMemory:
     ) -> None:
         self.options, self.camera, self.cells = options, camera, cells
         self._near, self._far = border_px, np.array((camera.width, camera.height)) - border_px
+        self._cell: NDArray[np.int64]
+        self._in_border: Marks
         self.forget()
 
     def forget(self) -> None:

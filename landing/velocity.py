@@ -128,7 +128,14 @@ def _solved(product: list[list[float]]) -> tuple[float, float, float]:
     (vv, va, vs, vt), (_, aa, sa, at), (_, _, ss, st), (_, _, _, tt) = product
     aa += 1.0
     v, s, t = va / aa, sa / aa, at / aa
-    vv, vs, vt, ss, st, tt = vv - v * va, vs - v * sa, vt - v * at, ss - s * sa + 1.0, st - s * at, tt - t * at
+    vv, vs, vt, ss, st, tt = (
+        vv - v * va,
+        vs - v * sa,
+        vt - v * at,
+        ss - s * sa + 1.0,
+        st - s * at,
+        tt - t * at,
+    )
     v, t = vs / ss, st / ss
     vv, vt, tt = vv - v * vs, vt - v * st, tt - t * st
     return vt / vv, 1.0 / math.sqrt(vv), tt - vt * vt / vv
