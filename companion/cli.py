@@ -2,6 +2,7 @@
 
 import argparse
 import importlib
+import importlib.metadata
 import sys
 
 from companion.closed_pipe import discard_output
@@ -54,7 +55,7 @@ def usage() -> str:
     width = max(map(len, COMMANDS))
     lines = [f"  {name:<{width}}  {text}" for name, (_, text) in COMMANDS.items()]
     return (
-        "usage: landslope COMMAND ...\n\n" + "\n".join(lines) + "\n\n'landslope COMMAND --help' tells more."
+        "usage: landslope COMMAND ...\n\n" + "\n".join(lines) + "\n\n'landslope COMMAND --help' tells more, 'landslope --version' which one this is."
     )
 
 
@@ -64,6 +65,9 @@ def main(argv: list[str] | None = None) -> int:
     if not words or words[0] in ("-h", "--help", "help"):
         print(usage())
         return 0 if words else 2
+    if words[0] == "--version":
+        print(f"landslope {importlib.metadata.version('landslope')}")
+        return 0
     if words[0] not in COMMANDS:
         print(f"landslope: there is no command '{words[0]}'\n\n{usage()}", file=sys.stderr)
         return 2

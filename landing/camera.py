@@ -12,6 +12,9 @@ DOWN: NDArray[np.float64] = np.array(((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0
 
 _UNDISTORT = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 1e-6)
 
+_FEW = 32
+_NOWHERE = np.zeros(3)
+
 
 def body_from_camera(mount_roll: float, mount_pitch: float, mount_yaw: float) -> NDArray[np.float64]:
     """body_from_camera (3, 3) of a downward camera turned in the body frame by angles in radians."""
@@ -80,10 +83,11 @@ class CameraModel:
     def project(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
         """Pixels (n, 2) of normalised coordinates (n, 2)."""
         points = np.asarray(points, np.float64)
-        if len(points) and self.distortion[12:].any():
-            # a tilted sensor is rare: OpenCV's slower way
-            space = np.column_stack((points, np.ones(len(points))))
-            pixels, _ = cv2.projectPoints(space, np.zeros(3), np.zeros(3), self.matrix, self.distortion)
+        if 0 < len(points) <= _FEW or (len(points) and self.distortion[12:].any()):
+            # OpenCV's own way is the slower one for many points; it alone knows a tilted sensor
+            space = np.ones((len(points), 1, 3))
+            space[:, 0, :2] = points
+            pixels, _ = cv2.projectPoints(space, _NOWHERE, _NOWHERE, self.matrix, self.distortion)
             return np.asarray(pixels, np.float64).reshape(-1, 2)
         n, p = len(points), self._pixel_from_distorted
         if not self._distorted:
