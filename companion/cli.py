@@ -55,7 +55,9 @@ def usage() -> str:
     width = max(map(len, COMMANDS))
     lines = [f"  {name:<{width}}  {text}" for name, (_, text) in COMMANDS.items()]
     return (
-        "usage: landslope COMMAND ...\n\n" + "\n".join(lines) + "\n\n'landslope COMMAND --help' tells more, 'landslope --version' which one this is."
+        "usage: landslope COMMAND ...\n\n"
+        + "\n".join(lines)
+        + "\n\n'landslope COMMAND --help' tells more, 'landslope --version' which one this is."
     )
 
 

@@ -131,14 +131,24 @@ class Border:
         self._middles = np.array([side.middle for side in self._sides])
         self._middle_rays = np.concatenate([side.middle_ray for side in self._sides])
         self._frame = -2
+        self._came_px = 0.0
         self._last: set[int] = set()
         self._scatter = 1.0
         self.incoming: set[int] = set()
         """The sides where ground came in at the last step."""
 
     def step(self, views: Views, plane: Plane) -> Standing | None:
-        """What surely stands out at the sides of the newest frame, None where nothing does."""
+        """What surely stands out at the sides of the newest frame, None where nothing does.
+
+        After a look that found nothing the next is due when some ground has come in (``border_step_px``).
+        """
         found: list[Standing] = []
+        if self._frame == views.tracker.frame - 1:
+            self._came_px += self._moved_px(views, plane)
+            if not self._last and self._came_px < self.options.border_step_px:
+                self._frame = views.tracker.frame
+                return None
+        self._came_px = 0.0
         places = self._places(self._before(views, plane, self._gaps(views, plane)))
         self.incoming = {place.side for place in places}
         for number in self.incoming:
@@ -149,6 +159,13 @@ class Border:
         self._frame, self._last = views.tracker.frame, {standing.side for standing in found}
         most = max(found, key=lambda standing: standing.mean_square, default=None)
         return None if most is None else replace(most, lasting=most.side in last)
+
+    def _moved_px(self, views: Views, plane: Plane) -> float:
+        """About how far the view has moved over the ground since the frame before, by displacement and by turning."""
+        flow = math.hypot(plane.omega[0], plane.omega[1]) * (views.newest.time_s - views.view(1).time_s)
+        rotation = views.rotation(1)
+        turn = math.inf if rotation is None else math.hypot(rotation[0, 2], rotation[1, 2])
+        return self.camera.focal_px * (flow + turn)
 
     def _gaps(self, views: Views, plane: Plane) -> list[int]:
         """The shortest gap with enough motion and twice that, as far as there are pictures."""

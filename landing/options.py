@@ -173,6 +173,9 @@ class EstimatorOptions:
     border_flow_px: Annotated[
         float, Limits(0.5, 20, "px", "motion over which the border of the view is looked at")
     ] = 2.5
+    border_step_px: Annotated[
+        float, Limits(0, 20, "px", "motion after which it is looked at again, when nothing stood out")
+    ] = 2.0
     border_sigmas: Annotated[
         float, Limits(1, 20, "sigma", "height at the border that stands out, in its own uncertainty")
     ] = 7.0

@@ -13,7 +13,7 @@ TURNS = {"right": 0, "bottom": 1, "left": 2, "top": 3}
 """Quarters of a turn that bring the ground in at each side."""
 
 
-def pictures(comes: int | None, turns: int) -> list[np.ndarray]:
+def pictures(comes: int | None, turns: int, step_px: int = STEP_PX) -> list[np.ndarray]:
     """Level ground that passes by; from frame ``comes`` on, something a quarter higher follows at the side."""
     rng = np.random.default_rng(1)
     height, width = (WIDTH, HEIGHT) if turns % 2 else (HEIGHT, WIDTH)
@@ -22,10 +22,10 @@ def pictures(comes: int | None, turns: int) -> list[np.ndarray]:
     )
     out = []
     for k in range(FRAMES):
-        image = ground[100 : 100 + height, k * STEP_PX : k * STEP_PX + width].copy()
+        image = ground[100 : 100 + height, k * step_px : k * step_px + width].copy()
         if comes is not None and k > comes:
             # nearer by a quarter, so faster by a quarter
-            way = (k - comes) * STEP_PX * (1 + RELIEF)
+            way = (k - comes) * step_px * (1 + RELIEF)
             moved = cv2.warpAffine(top, np.array(((1.0, 0, width - way), (0, 1.0, -300))), (width, height))
             edge = max(0, round(width - way))
             image[height // 4 : -height // 4, edge:] = moved[height // 4 : -height // 4, edge:]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from border_support import CAMERA, HEIGHT, RATE_HZ, RELIEF, TURNS, WIDTH, pictures
+from border_support import CAMERA, HEIGHT, RATE_HZ, RELIEF, STEP_PX, TURNS, WIDTH, pictures
 
 from landing.border import Border, Standing
 from landing.camera import CameraModel
@@ -14,7 +14,7 @@ from landing.roughness import Relief
 from landing.views import Views
 
 
-def watched(comes: int | None, turns: int = 0) -> list[Standing | None]:
+def watched(comes: int | None, turns: int = 0, step_px: int = STEP_PX) -> list[Standing | None]:
     """What a border of its own finds at each frame of a flight."""
     pipeline, border, found = SurfacePipeline(CAMERA, Options()), Border(Options().estimator, CAMERA), []
     judge = pipeline.relief.step
@@ -24,7 +24,7 @@ def watched(comes: int | None, turns: int = 0) -> list[Standing | None]:
         return judge(views, plane)
 
     pipeline.relief.step = step  # type: ignore[method-assign]
-    for k, image in enumerate(pictures(comes, turns)):
+    for k, image in enumerate(pictures(comes, turns, step_px)):
         pipeline.step(Observation(k, k / RATE_HZ, image, np.eye(3), 1e-5))
     return found
 
@@ -51,6 +51,28 @@ def test_what_comes_in_is_seen_at_once(side: str):
 
 def test_level_ground_has_nothing_at_its_border():
     assert not any(watched(None))
+
+
+def test_a_view_that_moves_slowly_is_looked_at_when_ground_has_come_in(monkeypatch: pytest.MonkeyPatch):
+    """A pixel a frame: about every second frame, until something stands out; then at once again."""
+    looked: dict[Border, list[int]] = {}
+    look = Border._before
+
+    def counted(border: Border, views: Views, *args: object) -> object:
+        looked.setdefault(border, []).append(views.tracker.frame)
+        return look(border, views, *args)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Border, "_before", counted)
+    assert not any(watched(None, step_px=1))
+    # the pipeline's border and the one that is watched
+    assert len(looked) == 2
+    for frames in looked.values():
+        assert set(np.diff([frame for frame in frames if frame > 20])) <= {2, 3}
+    found = watched(20, step_px=1)
+    first = next(k for k, standing in enumerate(found) if standing)
+    later = found[first + 1]
+    assert later is not None
+    assert later.lasting
 
 
 def test_what_was_seen_at_the_border_makes_the_view_rough_until_tracks_have_judged_it(
