@@ -70,9 +70,7 @@ def test_a_view_that_moves_slowly_is_looked_at_when_ground_has_come_in(monkeypat
         assert set(np.diff([frame for frame in frames if frame > 20])) <= {2, 3}
     found = watched(20, step_px=1)
     first = next(k for k, standing in enumerate(found) if standing)
-    later = found[first + 1]
-    assert later is not None
-    assert later.lasting
+    assert any({first, first + 1} <= set(frames) for frames in list(looked.values())[2:])
 
 
 def test_what_was_seen_at_the_border_makes_the_view_rough_until_tracks_have_judged_it(
