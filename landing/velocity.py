@@ -123,7 +123,8 @@ def _newest(
 def _solved(product: list[list[float]]) -> tuple[float, float, float]:
     """The velocity, its standard deviation and the chi-square, from the products of the columns.
 
-    Acceleration and share have a prior of zero mean and unit variance; they are eliminated one after the other.
+    Acceleration and share have a prior of zero mean and unit variance; they are eliminated one after the other. NaN and
+    an infinite chi-square where nothing of the velocity is left.
     """
     (vv, va, vs, vt), (_, aa, sa, at), (_, _, ss, st), (_, _, _, tt) = product
     aa += 1.0
@@ -138,4 +139,6 @@ def _solved(product: list[list[float]]) -> tuple[float, float, float]:
     )
     v, t = vs / ss, st / ss
     vv, vt, tt = vv - v * vs, vt - v * st, tt - t * st
+    if not vv > 0:
+        return math.nan, math.nan, math.inf
     return vt / vv, 1.0 / math.sqrt(vv), tt - vt * vt / vv

@@ -5,7 +5,7 @@ import pytest
 import synthetic_flow
 
 from landing.options import EstimatorOptions
-from landing.velocity import velocity
+from landing.velocity import _Moved, _newest, velocity
 
 RATE_HZ = 30.0
 LEVEL = np.array((0.0, 0.0, 1.0))
@@ -99,3 +99,32 @@ def test_one_frame_has_no_velocity():
     rng = np.random.default_rng(7)
     flight = synthetic_flow.Flight(synthetic_flow.ground(rng, 0, 0, 1.0, 1.2), rng)
     assert over(flight.step(0.0, np.zeros(3))) is None
+
+
+@pytest.mark.parametrize("gaps", [1, 2, 3])
+def test_the_newest_velocity_is_the_least_squares_solution(gaps: int):
+    """Against generalised least squares, where acceleration and share are part of the errors' covariance."""
+    rng = np.random.default_rng(gaps)
+    tau = np.arange(1, gaps + 1) / 10
+    moved = _Moved(tau, rng.normal(size=(gaps, 3)), rng.uniform(1e-5, 1e-4, (gaps, 3)))
+    share, acceleration_std = rng.normal(0, 0.01, (gaps, 3)), 0.4
+    omega, std, chi_square = _newest(moved, moved.t, acceleration_std, share)
+    expected = 0.0
+    for axis in range(3):
+        bent = tau**2 * acceleration_std / 2
+        errors = np.diag(moved.variance[:, axis]) + np.outer(bent, bent)
+        weight = np.linalg.inv(errors + np.outer(share[:, axis], share[:, axis]))
+        information = tau @ weight @ tau
+        found = -(tau @ weight @ moved.t[:, axis]) / information
+        left = moved.t[:, axis] + found * tau
+        assert omega[axis] == pytest.approx(found, rel=1e-6)
+        assert std[axis] == pytest.approx(information**-0.5, rel=1e-6)
+        expected += left @ weight @ left
+    assert chi_square == pytest.approx(expected, rel=1e-4, abs=1e-6)
+
+
+def test_displacements_that_tell_nothing_give_no_velocity():
+    moved = _Moved(np.zeros(2), np.zeros((2, 3)), np.ones((2, 3)))
+    omega, _, chi_square = _newest(moved, moved.t, 1.0)
+    assert np.isnan(omega).all()
+    assert chi_square == np.inf
