@@ -26,7 +26,7 @@ class OverPlane:
         """``new`` is (n, 2), ``derotated_old`` (g, n, 2): the same tracks in g older frames; ``normal`` (3,).
 
         ``whitener`` (3, n) as in ``TrackPair``. With ``turns`` an error of the rotation is solved for as well, what it
-        does worked out at the newest places: off by the error times the flow, far below the tracks' noise.
+        does worked out at the newest places: off by the error times the flow, below the tracks' noise.
         """
         g, n = derotated_old.shape[:2]
         self._gaps, self._fixed = g, 5 if turns else 2
