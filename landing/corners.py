@@ -17,6 +17,8 @@ Tensor = tuple[Image, Image, Image]
 _BLOCK = 2
 """Corners are looked for in blocks of so many pixels a side."""
 _MIDDLE = (_BLOCK - 1) / 2
+_CELLS = 1.06
+"""Cells of the grid over the tracks that are wanted."""
 
 
 class Corners:
@@ -24,8 +26,9 @@ class Corners:
 
     def __init__(self, camera: CameraModel, options: TrackingOptions) -> None:
         self.camera, self.options = camera, options
-        n = options.max_features
-        self.cell_px = max(8, round((camera.width * camera.height / (1.15 * n)) ** 0.5))
+        # about as many cells as tracks: more would leave the faint ones empty, fewer leave tracks unused
+        cell = camera.width * camera.height / (_CELLS * options.max_features)
+        self.cell_px = max(8, round(cell**0.5))
         self._rows, self._cols = camera.height // self.cell_px, camera.width // self.cell_px
         top = (camera.height - self._rows * self.cell_px) // 2
         left = (camera.width - self._cols * self.cell_px) // 2
@@ -50,12 +53,13 @@ class Corners:
         return cells
 
     def find(self, tensor: Tensor, tracked: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The best corner (n, 2) px of each cell without one of ``tracked`` (m, 2) px, best first.
+        """The best corner (n, 2) px of each cell without one of ``tracked`` (m, 2) px, the loneliest cells first.
 
         By the smaller eigenvalue of the structure tensor (Shi and Tomasi, "Good features to track", 1994).
         """
         o = self.options
-        free = (~self.occupied(tracked)).take(self._open).nonzero()[0]
+        occupied = self.occupied(tracked)
+        free = (~occupied).take(self._open).nonzero()[0]
         if not len(free):
             return np.empty((0, 2), np.float32)
         side = max(1, o.corner_px // 2)
@@ -76,7 +80,11 @@ class Corners:
         # the match's standard deviation along the weak direction must be bearable
         limit = (o.grey_noise / (o.window_px * o.corner_max_std_px)) ** 2
         found = (value > limit).nonzero()[0]
-        place = place.take(found.take((-value.take(found)).argsort(kind="stable")))
+        # where the fewest tracks are about: strong texture would take all places, and faint things hold none
+        held = occupied.reshape(self._rows, self._cols).astype(np.float32)
+        around = cv2.boxFilter(held, -1, (3, 3), borderType=cv2.BORDER_REPLICATE).ravel()
+        crowd = around.take(self._open).take(free)
+        place = place.take(found.take(np.lexsort((-value.take(found), crowd.take(found)))))
         v, u = np.divmod(place, strength.shape[1])
         # in the middle of its window's pixels: a template that is not interpolated has half the bias
         middle = _MIDDLE if o.window_px % 2 == 0 else 0.0

@@ -169,3 +169,17 @@ def test_the_same_pictures_give_the_same_tracks(ground: np.ndarray):
         first.step(image)
         second.step(image.copy())
     np.testing.assert_array_equal(first.history, second.history)
+
+
+def test_faint_things_on_strong_texture_hold_tracks(ground: np.ndarray):
+    """A place with little contrast, as a box's top: strong corners about it must not take all there are."""
+    low, high = 226, 276
+    faint = ground.copy()
+    faint[low:high, low:high] = 128 + 0.2 * (faint[low:high, low:high] - 128)
+    found, held = tracker(), []
+    for k in range(25):
+        dx = 3.0 * (k - 12)
+        found.step(picture(faint, dx, 0))
+        place = found.pixels[found.alive] - MIDDLE - (dx, 0) + 256
+        held.append(((place > low) & (place < high)).all(axis=1).mean())
+    assert min(held) > 0.5 * ((high - low) / SIZE) ** 2
