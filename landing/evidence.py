@@ -3,7 +3,7 @@
 The normal of a plane is constant in the world while the vehicle turns and moves, so older estimates still speak of
 it. Going back from the newest, estimates are fused as long as each agrees with what is newer (a test on the
 innovations); the first disagreement is where the surface changed, and all that is older is left out. Nothing
-lags: the newest estimate is always part of the result.
+lags: the newest estimate is always part of the result. One alone against many that agree has to disagree more.
 """
 
 import math
@@ -17,17 +17,20 @@ Array = NDArray[np.float64]
 
 _CAPACITY = 512
 """Estimates remembered at most; half of them when the store is full."""
+_MANY = 3
+"""Estimates that agree among themselves, against which one alone may be a stray."""
 
 
 @dataclass(frozen=True, slots=True)
 class EvidenceOptions:
     """``memory_s`` how far back, ``drift_std`` slope tangent per root second, ``agreement`` chi-square of two
-    degrees at which two estimates disagree, ``overlap`` the share of a baseline after which the next estimate
-    counts as new."""
+    degrees at which two estimates disagree and ``agreement_alone`` that at which the newest alone disagrees with those
+    before it, ``overlap`` the share of a baseline after which the next estimate counts as new."""
 
     memory_s: float
     drift_std: float
     agreement: float
+    agreement_alone: float
     overlap: float
     floor_std: float
 
@@ -93,20 +96,10 @@ class Evidence:
         covariance[::2] += o.drift_std**2 * (time_s - self._time_s[order])
         counted = _inverse(covariance)
         counted *= share
-        total = counted.cumsum(axis=1)
-        summed = _inverse(total)
-        mean = _product(summed, _product(counted, slope).cumsum(axis=1))
-        last = slope.shape[1]
-        if last > 1:
-            x, y = slope[:, 1:] - mean[:, :-1]
-            # a short sum knows no less than its best member
-            enough = np.maximum(1.0, 1.0 / share[:-1].cumsum())
-            xx, xy, yy = covariance[:, 1:] + summed[:, :-1] / enough
-            # difference^T S^-1 difference, times the determinant of S
-            distance = yy * (x * x) - (2 * x) * (xy * y) + xx * (y * y)
-            disagree = (distance > o.agreement * (xx * yy - xy * xy)).nonzero()[0]
-            if len(disagree):
-                last = int(disagree[0]) + 1
+        total, summed, mean = _running(counted, slope)
+        last = self._agreeing(slope, covariance, share, summed, mean)
+        if last == 1 and slope.shape[1] > _MANY:
+            last += self._against_a_stray(slope, covariance, share, counted)
         used = summed[:, last - 1]
         if total[0, last - 1] + total[2, last - 1] < (counted[0, 0] + counted[2, 0]) / share[0]:
             used = covariance[:, 0]
@@ -114,6 +107,25 @@ class Evidence:
         xx, xy, yy = used.tolist()
         world = np.array(((xx + o.floor_std**2, xy), (xy, yy + o.floor_std**2)))
         return from_world(ned_from_camera, mean[:, last - 1], world)
+
+    def _agreeing(self, slope: Array, covariance: Array, share: Array, summed: Array, mean: Array) -> int:
+        """How many estimates, newest first, agree each with the mean of those that are newer."""
+        # a short sum knows no less than its best member
+        enough = np.maximum(1.0, 1.0 / share[:-1].cumsum())
+        spread = covariance[:, 1:] + summed[:, :-1] / enough
+        apart = _apart(slope[:, 1:] - mean[:, :-1], spread, self.options.agreement).nonzero()[0]
+        return int(apart[0]) + 1 if len(apart) else slope.shape[1]
+
+    def _against_a_stray(self, slope: Array, covariance: Array, share: Array, counted: Array) -> int:
+        """How many estimates agree with the newest after all, as it is no farther off than a stray may be."""
+        older, older_share = covariance[:, 1:], share[1:]
+        _, summed, mean = _running(counted[:, 1:], slope[:, 1:])
+        count = self._agreeing(slope[:, 1:], older, older_share, summed, mean)
+        if count < _MANY:
+            return 0
+        spread = covariance[:, 0] + summed[:, count - 1] / max(1.0, 1.0 / float(older_share[:count].sum()))
+        off = slope[:, 0] - mean[:, count - 1]
+        return 0 if _apart(off, spread, self.options.agreement_alone) else count
 
     def _forget(self, time_s: float) -> None:
         while self._end > self._first and time_s - self._time_s[self._first] > self.options.memory_s:
@@ -153,6 +165,21 @@ def _carried(rows: list[list[float]], slope: tuple[float, float], depth: float, 
     ux, uy, vx, vy = ax * xx + ay * xy, ax * xy + ay * yy, bx * xx + by * xy, bx * xy + by * yy
     across = ux * bx + uy * by
     return np.array(((ux * ax + uy * ay, across), (across, vx * bx + vy * by)))
+
+
+def _running(counted: Array, slope: Array) -> tuple[Array, Array, Array]:
+    """Sums (3, k) of informations, their inverses (3, k), and the means (2, k) of the slopes so far."""
+    total = counted.cumsum(axis=1)
+    summed = _inverse(total)
+    return total, summed, _product(summed, _product(counted, slope).cumsum(axis=1))
+
+
+def _apart(difference: Array, covariance: Array, limit: float) -> NDArray[np.bool_]:
+    """Whether differences (2, ...) have a chi-square beyond a limit, their covariances xx, xy, yy (3, ...)."""
+    (x, y), (xx, xy, yy) = difference, covariance
+    # difference^T S^-1 difference, times the determinant of S
+    distance = yy * (x * x) - (2 * x) * (xy * y) + xx * (y * y)
+    return np.asarray(distance > limit * (xx * yy - xy * xy))
 
 
 def _inverse(m: Array) -> Array:

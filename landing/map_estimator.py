@@ -29,6 +29,7 @@ class MapEstimator:
                 o.memory_s,
                 math.tan(math.radians(o.drift_std_deg)),
                 o.agreement,
+                o.agreement_alone,
                 o.overlap,
                 math.tan(math.radians(o.systematic_std_deg)),
             )

@@ -75,7 +75,7 @@ class EstimatorOptions:
     use_attitude: Annotated[bool, "take the vehicle's attitude out of the slopes"] = True
     attitude_std_deg: Annotated[
         float, Limits(0, 10, "deg", "error of the autopilot's roll and pitch, one sigma")
-    ] = 0.13
+    ] = 0.12
     attitude_scale_std: Annotated[
         float,
         Limits(0, 0.2, "", "the same as a share of the vehicle's tilt, which an autopilot knows less well"),
@@ -106,18 +106,14 @@ class EstimatorOptions:
         float, Limits(0.02, 2, "s", "the same interval where the vehicle's velocity is known")
     ] = 0.5
     guided_acceleration_std: Annotated[
-        float,
-        Limits(0.01, 100, "1/s^2", "what the vehicle's velocity leaves of the acceleration over height"),
-    ] = 0.05
+        float, Limits(0.001, 10, "m/s^2", "error of what the vehicle's velocity says of an acceleration")
+    ] = 0.03
     max_acceleration: Annotated[
         float,
         Limits(0.5, 100, "m/s^2", "change of the vehicle's velocity that counts as a jump of its filter"),
     ] = 8.0
-    guided_share_std: Annotated[
-        float, Limits(0, 1, "", "relative error of what the vehicle's velocity says of it, one sigma")
-    ] = 0.1
     guided_velocity_std: Annotated[
-        float, Limits(0, 2, "m/s", "error of the vehicle's velocity there, one sigma")
+        float, Limits(0.001, 2, "m/s", "slow error of the vehicle's velocity there, one sigma")
     ] = 0.06
     velocity_agreement: Annotated[
         float, Limits(1, 1000, "", "chi-square at which the images contradict the vehicle's velocity")
@@ -125,15 +121,21 @@ class EstimatorOptions:
     velocity_max_age_s: Annotated[
         float, Limits(0.01, 2, "s", "oldest velocity at an exposure that its changes are taken from")
     ] = 0.06
+    attitude_error_std_rad: Annotated[
+        float, Limits(0, 0.05, "rad", "error of an attitude that changes as the vehicle turns, one sigma")
+    ] = 7e-4
+    shared_error_px: Annotated[
+        float, Limits(0, 1, "px", "error of all matches of a frame alike, one sigma")
+    ] = 0.12
     shared_noise: Annotated[
-        float,
-        Limits(
-            1, 20, "", "errors that neighbouring tracks share, where a rotation is told from a displacement"
-        ),
+        float, Limits(1, 20, "", "noise of a displacement, over that of tracks that share no errors")
     ] = 2.0
     memory_s: Annotated[float, Limits(0, 30, "s", "how far back estimates are fused")] = 2.0
     drift_std_deg: Annotated[float, Limits(0, 10, "deg", "change of a plane's slope in a second")] = 0.2
     agreement: Annotated[float, Limits(1, 100, "", "chi-square at which two estimates disagree")] = 9.0
+    agreement_alone: Annotated[
+        float, Limits(1, 1000, "", "chi-square at which the newest alone disagrees with those before it")
+    ] = 25.0
     overlap: Annotated[
         float, Limits(0, 5, "", "share of a baseline after which an estimate counts as new")
     ] = 0.5

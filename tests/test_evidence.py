@@ -11,7 +11,9 @@ from landing.camera import DOWN
 from landing.evidence import Evidence, EvidenceOptions, from_world, slope_std, to_world
 from landing.rotations import matrix_from_euler
 
-OPTIONS = EvidenceOptions(memory_s=1.0, drift_std=0.003, agreement=9.0, overlap=0.5, floor_std=0.0)
+OPTIONS = EvidenceOptions(
+    memory_s=1.0, drift_std=0.003, agreement=9.0, agreement_alone=25.0, overlap=0.5, floor_std=0.0
+)
 STD = 0.02
 COVARIANCE = np.eye(2) * STD**2
 RATE_HZ = 30.0
@@ -153,7 +155,7 @@ def test_clear_forgets():
 
 
 def test_a_systematic_error_is_not_fused_away():
-    evidence = Evidence(EvidenceOptions(1.0, 0.0, 9.0, 0.5, 0.005))
+    evidence = Evidence(EvidenceOptions(1.0, 0.0, 9.0, 25.0, 0.5, 0.005))
     feed(evidence, np.random.default_rng(5), (0.0, 0.0), range(30))
     fused = evidence.fuse(29 / RATE_HZ, DOWN)
     assert fused is not None
@@ -164,3 +166,22 @@ def test_a_wall_is_not_remembered():
     evidence = Evidence(OPTIONS)
     evidence.add(0, 0.0, matrix_from_euler(0, 1.5, 0) @ DOWN, 0.0, 0.0, COVARIANCE, 1)
     assert evidence.fuse(0.0, DOWN) is None
+
+
+@pytest.mark.parametrize(("sigmas", "used"), [(0.0, 11), (4.0, 11), (8.0, 1)])
+def test_a_single_stray_is_taken_in_and_another_surface_is_not(sigmas: float, used: int):
+    """An estimate four sigma off is one in some thousand, eight sigma off it is another plane."""
+    evidence, up = Evidence(OPTIONS), DOWN
+    for k in range(10):
+        evidence.add(k, k / RATE_HZ, up, 0.0, 0.0, COVARIANCE, GAP)
+    evidence.add(10, 10 / RATE_HZ, up, sigmas * STD, 0.0, COVARIANCE, GAP)
+    fused = evidence.fuse(10 / RATE_HZ, up)
+    assert fused is not None
+    assert evidence.used == used
+    assert abs(fused[0]) < STD or used == 1
+    # the second one in a row is no stray
+    evidence.add(11, 11 / RATE_HZ, up, sigmas * STD, 0.0, COVARIANCE, GAP)
+    fused = evidence.fuse(11 / RATE_HZ, up)
+    assert fused is not None
+    if sigmas:
+        assert fused[0] == pytest.approx(sigmas * STD, abs=1e-9)
