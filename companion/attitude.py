@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.settings import SyncSettings
-from drivers.samples import AngularRate, Attitude
+from drivers.samples import Attitude
 from landing.rotations import exp_so3, log_so3, matrix_from_euler
 
 KEEP_US = 4_000_000
@@ -19,6 +19,7 @@ SWING_S = 0.5
 """Time constant of the turn rate's mean and variance."""
 
 Vector = NDArray[np.float64]
+Vector3 = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +51,7 @@ class AttitudeBuffer:
         self._times: list[int] = []
         self._attitudes: list[Attitude] = []
         self._gyro_times: list[int] = []
-        self._gyro: list[tuple[float, float, float]] = []
+        self._gyro: list[Vector3] = []
         self._mean_rate = [0.0, 0.0, 0.0]
         self._rate_variance = 0.0
         self._tilt_rate2 = 0.0
@@ -73,13 +74,13 @@ class AttitudeBuffer:
             del self._times[:old], self._attitudes[:old]
         return True
 
-    def add_rate(self, boot_us: int, rate: AngularRate) -> bool:
+    def add_rate(self, boot_us: int, rate: Vector3) -> bool:
         """Take one gyro sample (delayed by the autopilot's filter); False if it is not newer than the last."""
         boot_us -= self._gyro_delay_us
         if self._gyro_times and boot_us <= self._gyro_times[-1]:
             return False
         self._gyro_times.append(boot_us)
-        self._gyro.append((rate.x, rate.y, rate.z))
+        self._gyro.append(rate)
         if self._gyro_times[-1] - self._gyro_times[0] > 2 * KEEP_US:
             old = bisect_left(self._gyro_times, boot_us - KEEP_US)
             del self._gyro_times[:old], self._gyro[:old]
@@ -133,6 +134,26 @@ class AttitudeBuffer:
         rate = (1 - share) * _turn_rate(before) + share * _turn_rate(after)
         return BodyAttitude(attitude, std, self._tilt_std(moment_std_s), rate)
 
+    def to_ned(self, boot_us: int, vector: Vector3) -> Vector3 | None:
+        """A vector of the body's axes in the world's, by the attitude then, or the newest one; None before the first.
+
+        Euler angles are interpolated: milliradians off within a looping, exact enough for a force.
+        """
+        times, k = self._times, bisect_right(self._times, boot_us)
+        if not k:
+            return None
+        a = b = self._attitudes[k - 1]
+        share = 0.0
+        if k < len(times):
+            b = self._attitudes[k]
+            share = (boot_us - times[k - 1]) / (times[k] - times[k - 1])
+        return _turned(
+            a.roll + share * math.remainder(b.roll - a.roll, math.tau),
+            a.pitch + share * (b.pitch - a.pitch),
+            a.yaw + share * math.remainder(b.yaw - a.yaw, math.tau),
+            vector,
+        )
+
     def _rates(self, start_us: int, end_us: int) -> list[tuple[int, Vector]] | None:
         """Turn rates from start to end; None where the gyro tells nothing inside or does not reach near the ends.
 
@@ -184,6 +205,16 @@ class AttitudeBuffer:
 
     def _tilt_std(self, moment_std_s: float) -> float:
         return math.sqrt(self._tilt_rate2) * math.hypot(moment_std_s, self._s.attitude_delay_std_s)
+
+
+def _turned(roll: float, pitch: float, yaw: float, vector: Vector3) -> Vector3:
+    x, y, z = vector
+    c, s = math.cos(roll), math.sin(roll)
+    y, z = c * y - s * z, s * y + c * z
+    c, s = math.cos(pitch), math.sin(pitch)
+    x, z = c * x + s * z, c * z - s * x
+    c, s = math.cos(yaw), math.sin(yaw)
+    return c * x - s * y, s * x + c * y, z
 
 
 def _turn_rate(attitude: Attitude) -> Vector:

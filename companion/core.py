@@ -50,6 +50,7 @@ def observation_of(ready: ReadyFrame) -> Observation:
         std,
         ready.velocity_ned,
         velocity_age_s=ready.velocity_age_s,
+        velocity_noise=ready.velocity_noise,
         tilt_std_rad=attitude.tilt_std,
         turn_rate=attitude.turn_rate,
         late_s=ready.late_s,

@@ -18,7 +18,7 @@ from companion.recording import FlightRecording
 from companion.reporting import GroundReport
 from companion.settings import Settings
 from drivers.host_clock import now_us
-from drivers.samples import AngularRate, CommandAnswer, Sample
+from drivers.samples import CommandAnswer, Imu, Sample
 from drivers.service_manager import ServiceManager
 
 log = logging.getLogger(__name__)
@@ -123,7 +123,7 @@ class Daemon:
     def _feed_gyro(self, samples: list[Sample]) -> None:
         if self.settings.mavlink.optical_flow:
             for sample in samples:
-                if isinstance(sample, AngularRate):
+                if isinstance(sample, Imu):
                     self._report.gyro(sample)
 
     def _output(self, output: Output) -> None:

@@ -13,10 +13,10 @@ from drivers.errors import DriverError
 from drivers.events import DriverEvent
 from drivers.link import Link
 from drivers.samples import (
-    AngularRate,
     Attitude,
     ClockOffset,
     Heartbeat,
+    Imu,
     LandedState,
     Refusal,
     Sample,
@@ -26,7 +26,7 @@ from drivers.samples import (
 SETTLE_US = 1_500_000
 """After the vehicle was found: the rates asked for are only on their way."""
 
-SUBJECTS = {"attitude": Attitude, "gyro": AngularRate, "velocity": Velocity, "landed state": LandedState}
+SUBJECTS = {"attitude": Attitude, "gyro": Imu, "velocity": Velocity, "landed state": LandedState}
 
 
 class LinkExamination:

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from companion.messages import Health, InputHealth
 from companion.settings import HealthSettings
 from drivers.samples import (
-    AngularRate,
     Attitude,
     ClockOffset,
     CommandAnswer,
     Frame,
     Heartbeat,
+    Imu,
     LandedState,
     RcChannels,
     Refusal,
@@ -22,7 +22,7 @@ from drivers.samples import (
 INPUTS: dict[type, str] = {
     Frame: "frames",
     Attitude: "attitude",
-    AngularRate: "gyro",
+    Imu: "gyro",
     Velocity: "velocity",
     Heartbeat: "heartbeat",
     LandedState: "landed_state",

@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from companion.messages import Decision, Estimate, Event, Health, Message
 from companion.settings import MavlinkSettings
-from drivers.samples import AngularRate
+from drivers.samples import Imu
 
 TEXT_LENGTH = 50
 """STATUSTEXT holds this many characters; longer texts would need chunks that few ground stations join."""
@@ -39,9 +39,9 @@ class GroundReport:
         self._problems: tuple[str, ...] = ()
         self._values_due_us = 0
 
-    def gyro(self, sample: AngularRate) -> None:
+    def gyro(self, sample: Imu) -> None:
         """Take a gyro sample: OPTICAL_FLOW has the rotation in it, the estimates do not."""
-        self._gyro += sample.x, sample.y
+        self._gyro += sample.rate[:2]
         self._gyro_count += 1
 
     def feed(self, message: Message) -> list[Any]:

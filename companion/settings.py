@@ -121,6 +121,12 @@ class SyncSettings:
     velocity_max_age_s: Annotated[
         float, Limits(0.02, 2, "s", "oldest velocity that is used for an exposure")
     ] = 0.25
+    velocity_span_s: Annotated[
+        float, Limits(0, 1, "s", "how far back velocities are carried on by the accelerometer; 0: not at all")
+    ] = 0.2
+    accelerometer_delay_s: Annotated[
+        float, Limits(0, 0.05, "s", "delay of the accelerometer by the autopilot's filter, until it is found")
+    ] = 0.012
     clock_window_s: Annotated[float, Limits(2, 60, "s", "window of the lower envelope of arrival times")] = (
         10.0
     )

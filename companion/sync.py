@@ -11,14 +11,14 @@ from companion.attitude import AttitudeBuffer, BodyAttitude
 from companion.clock import AutopilotClock, ClockChange
 from companion.frame_time import Correction, FrameTimeline
 from companion.settings import Settings
-from drivers.samples import AngularRate, Attitude, ClockOffset, Frame, Sample, Velocity
+from companion.velocity import VelocityBuffer
+from drivers.samples import Attitude, ClockOffset, Frame, Imu, Sample, Velocity
 
 MILLISECOND_US = 1000
-VELOCITIES_KEPT = 64
 MICROSECOND_SOURCES = ("RAW_IMU", "HIGHRES_IMU")
-"""Gyro messages stamped in microseconds; all other boot times are cut off to milliseconds."""
+"""IMU messages stamped in microseconds; all other boot times are cut off to milliseconds."""
 
-TelemetrySample = Attitude | AngularRate | Velocity
+TelemetrySample = Attitude | Imu | Velocity
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,8 +27,8 @@ class ReadyFrame:
 
     ``exposure_us``: mid-exposure on the companion's clock as stamped; ``time_us`` rises from frame to frame;
     ``boot_us``: mid-exposure in boot time, None without a relation. ``attitude`` is the reason where there is none.
-    ``velocity_age_s``: from the nearest velocity message to the exposure. ``late_s``: lateness found along the way,
-    which ``boot_us`` allows for.
+    ``velocity_age_s``: from the exposure to what tells the velocity; ``velocity_noise`` m/s. ``late_s``: lateness
+    found along the way, which ``boot_us`` allows for.
     """
 
     frame: Frame
@@ -38,6 +38,7 @@ class ReadyFrame:
     attitude: BodyAttitude | str
     velocity_ned: NDArray[np.float64] | None
     velocity_age_s: float
+    velocity_noise: float
     late_s: float
 
 
@@ -58,10 +59,11 @@ class _Waiting:
 
 
 class Synchroniser:
-    """Feed it frames, attitudes, gyro samples, velocities and round trips; take ready frames and notices.
+    """Feed it frames, attitudes, IMU samples, velocities and round trips; take ready frames and notices.
 
     ``now_us`` is the steady companion time of the newest sample. Frames leave in order, each as soon as an attitude
-    behind its exposure has come, or after ``sync.attitude_wait_s`` of sample time without.
+    behind its exposure has come, and what the accelerometer, which is late, says of it, or after
+    ``sync.attitude_wait_s`` of sample time without.
     """
 
     def __init__(self, settings: Settings, telemetry: bool) -> None:
@@ -72,7 +74,7 @@ class Synchroniser:
         self.frame_time = FrameTimeline(round(settings.sync.jump_min_s * 1e6))
         self._late_s, self._late_std_s = 0.0, settings.estimator.time_offset_std_s
         self._attitudes = AttitudeBuffer(settings.sync)
-        self._velocities: deque[tuple[int, tuple[float, float, float]]] = deque(maxlen=VELOCITIES_KEPT)
+        self._velocities = VelocityBuffer(settings.sync, self._attitudes)
         self._waiting: deque[_Waiting] = deque()
         self._settled = False
         self.now_us = 0
@@ -142,7 +144,7 @@ class Synchroniser:
     def _take_telemetry(
         self, sample: TelemetrySample, ready: list[ReadyFrame], notices: list[Notice]
     ) -> None:
-        exact = isinstance(sample, AngularRate) and sample.source in MICROSECOND_SOURCES
+        exact = isinstance(sample, Imu) and sample.source in MICROSECOND_SOURCES
         arrival = self.clock.feed(sample.boot_us, sample.arrival_us, 0 if exact else MILLISECOND_US)
         if arrival.change is ClockChange.REBOOTED:
             ready += self.flush("autopilot_rebooted")
@@ -181,12 +183,12 @@ class Synchroniser:
     def _keep(self, sample: TelemetrySample, boot_us: int) -> None:
         if isinstance(sample, Attitude):
             taken = self._attitudes.add_attitude(boot_us, sample)
-        elif isinstance(sample, AngularRate):
-            taken = self._attitudes.add_rate(boot_us, sample)
+        elif isinstance(sample, Imu):
+            taken = self._attitudes.add_rate(boot_us, sample.rate)
+            if sample.force is not None:
+                self._velocities.add_force(boot_us, sample.force)
         else:
-            taken = not self._velocities or boot_us > self._velocities[-1][0]
-            if taken:
-                self._velocities.append((boot_us, sample.velocity_ned))
+            taken = self._velocities.add_velocity(boot_us, sample.velocity_ned)
         if not taken:
             self._refused.append((_INPUT[type(sample)], "out_of_order"))
 
@@ -194,10 +196,7 @@ class Synchroniser:
         ready = []
         while self._waiting:
             head = self._waiting[0]
-            newest_us = self._attitudes.newest_us
-            if self._telemetry and not (
-                newest_us is not None and self.clock.settled and newest_us >= self._boot_us(head)
-            ):
+            if self._telemetry and not self._told(head):
                 # A frame that jumped with the clock waits at most as long as it takes to see that.
                 waited_us = abs(self.now_us - head.steady_us)
                 if waited_us <= self._s.attitude_wait_s * 1e6:
@@ -205,19 +204,29 @@ class Synchroniser:
             ready.append(self._leave(self._waiting.popleft(), "attitude_late"))
         return ready
 
+    def _told(self, waiting: _Waiting) -> bool:
+        """Whether all is there that tells of an exposure."""
+        newest_us = self._attitudes.newest_us
+        if newest_us is None or not self.clock.settled:
+            return False
+        boot_us = self._boot_us(waiting)
+        return newest_us >= boot_us and self._velocities.complete(boot_us)
+
     def _boot_us(self, waiting: _Waiting) -> int:
         return self.clock.boot_us(waiting.steady_us - self.offset_us - round(self._late_s * 1e6))
 
     def _leave(self, waiting: _Waiting, reason: str) -> ReadyFrame:
         attitude: BodyAttitude | str = "no_telemetry"
         boot_us = velocity = None
-        age_s = 0.0
+        age_s = noise = 0.0
         if self._telemetry:
             attitude = "no_attitude" if self._attitudes.newest_us is None else "clock_unsettled"
             if self.clock.settled:
                 boot_us = self._boot_us(waiting)
                 attitude = self._attitudes.at(boot_us, math.hypot(self.clock.std_s, self._late_std_s))
-                velocity, age_s = self._velocity_at(boot_us)
+                told = self._velocities.at(boot_us)
+                if told is not None:
+                    velocity, age_s, noise = told
             if attitude == "attitude_not_yet":
                 attitude = reason
         return ReadyFrame(
@@ -228,29 +237,9 @@ class Synchroniser:
             attitude,
             velocity,
             age_s,
+            noise,
             self._late_s,
         )
 
-    def _velocity_at(self, boot_us: int) -> tuple[NDArray[np.float64] | None, float]:
-        """Velocity (3,) NED at an exposure, or None, and how far in s from the exposure it was told.
 
-        Between two messages it is interpolated; just behind the last one it goes on as it changed before.
-        """
-        max_age_us = round(self._s.velocity_max_age_s * 1e6)
-        told = self._velocities
-        k = next((k for k in range(len(told) - 1, -1, -1) if told[k][0] <= boot_us), -1)
-        near = [told[i] for i in (k, k + 1) if 0 <= i < len(told) and abs(told[i][0] - boot_us) <= max_age_us]
-        if not near:
-            return None, 0.0
-        age_s = min(abs(at_us - boot_us) for at_us, _ in near) * 1e-6
-        first = k if k + 1 < len(told) else k - 1
-        if first >= 0:
-            (from_us, before), (to_us, after) = told[first], told[first + 1]
-            interval_us = to_us - from_us
-            if interval_us <= max_age_us and boot_us - to_us <= interval_us:
-                share = (boot_us - from_us) / interval_us
-                return (1 - share) * np.array(before) + share * np.array(after), age_s
-        return np.array(near[0][1]), age_s
-
-
-_INPUT = {Attitude: "attitude", AngularRate: "gyro", Velocity: "velocity"}
+_INPUT = {Attitude: "attitude", Imu: "gyro", Velocity: "velocity"}

@@ -36,14 +36,16 @@ class Attitude:
 
 
 @dataclass(frozen=True, slots=True)
-class AngularRate:
-    """The gyro of RAW_IMU, SCALED_IMU or HIGHRES_IMU in rad/s, body FRD; ``source`` is the message's name."""
+class Imu:
+    """RAW_IMU, SCALED_IMU or HIGHRES_IMU, body FRD; ``source`` is the message's name.
+
+    ``rate`` of turn in rad/s, ``force``: specific force in m/s^2, None without an accelerometer.
+    """
 
     arrival_us: int
     boot_us: int
-    x: float
-    y: float
-    z: float
+    rate: tuple[float, float, float]
+    force: tuple[float, float, float] | None = None
     source: str = "RAW_IMU"
 
 
@@ -116,7 +118,7 @@ class Refusal:
 Sample = (
     Frame
     | Attitude
-    | AngularRate
+    | Imu
     | Velocity
     | Heartbeat
     | LandedState

@@ -8,11 +8,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from drivers.flight_modes import AUTOPILOTS, mode_name
 from drivers.samples import (
-    AngularRate,
     Attitude,
     ClockOffset,
     CommandAnswer,
     Heartbeat,
+    Imu,
     LandedState,
     RcChannels,
     Refusal,
@@ -20,6 +20,9 @@ from drivers.samples import (
     Velocity,
 )
 
+Vector3 = tuple[float, float, float]
+
+MILLI_G = 9.80665e-3
 HALF_MS_US = 500
 """Boot times in milliseconds are cut off, not rounded; samples carry the middle of the millisecond."""
 
@@ -128,24 +131,27 @@ class TelemetryDecoder:
             boot_us = int(m.time_usec)
         else:
             boot_us = _boot_us(m.time_boot_ms)
-        return self._gyro(name, arrival_us, boot_us, (m.xgyro * 1e-3, m.ygyro * 1e-3, m.zgyro * 1e-3))
+        rate = (m.xgyro * 1e-3, m.ygyro * 1e-3, m.zgyro * 1e-3)
+        return self._imu(
+            name, arrival_us, boot_us, rate, (m.xacc * MILLI_G, m.yacc * MILLI_G, m.zacc * MILLI_G)
+        )
 
     def _imu_highres(self, m: Any, arrival_us: int) -> list[Sample]:
         rates = (m.xgyro, m.ygyro, m.zgyro)
         if not _finite(rates):
             return [_not_finite("HIGHRES_IMU", arrival_us)]
-        return self._gyro("HIGHRES_IMU", arrival_us, int(m.time_usec), rates)
+        return self._imu("HIGHRES_IMU", arrival_us, int(m.time_usec), rates, (m.xacc, m.yacc, m.zacc))
 
-    def _gyro(
-        self, name: str, arrival_us: int, boot_us: int, rates: tuple[float, float, float]
-    ) -> list[Sample]:
+    def _imu(self, name: str, arrival_us: int, boot_us: int, rate: Vector3, force: Vector3) -> list[Sample]:
         if name != self.gyro_source:
             silent = not 0 <= boot_us - self._gyro_us < GYRO_GRACE_US
             if self.gyro_source is not None and not silent and GYRO_RANK[name] > GYRO_RANK[self.gyro_source]:
                 return []
             self.gyro_source = name
         self._gyro_us = boot_us
-        return [AngularRate(arrival_us, boot_us, *rates, name)]
+        # an accelerometer that is not there says zero
+        there = _finite(force) and any(force)
+        return [Imu(arrival_us, boot_us, rate, force if there else None, name)]
 
     def _local_position(self, m: Any, arrival_us: int) -> list[Sample]:
         values = (m.x, m.y, m.z, m.vx, m.vy, m.vz)

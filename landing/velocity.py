@@ -22,11 +22,33 @@ _PARTS = (1 / 3, 2 / 3, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class _Moved:
-    """Displacements over height ``t`` (g, 3) to the frames ``tau`` (g,) s before the newest, ``variance`` (g, 3)."""
+    """Displacements over height ``t`` (g, 3) to the frames ``tau`` (g,) s before the newest.
+
+    ``covariance`` (3, g, g) of their errors, for each axis.
+    """
 
     tau: Array
     t: Array
-    variance: Array
+    covariance: Array
+
+    def bent(self, acceleration_std: float) -> Array:
+        """The covariance with that of an unknown constant acceleration over height, 1/s^2."""
+        bend = self.tau * self.tau * (acceleration_std / 2)
+        return self.covariance + bend[:, None] * bend
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What the vehicle says of its velocity, in camera axes: ``velocity`` (3,) m/s at the newest frame.
+
+    ``detour`` (g, 3) m: where the camera was in earlier frames, less where it would have been at that velocity.
+    ``std`` m/s is that of the slow error of all axes, ``noise`` m/s that of the newest alone.
+    """
+
+    velocity: Array
+    detour: Array
+    std: float
+    noise: float
 
 
 def velocity(
@@ -44,8 +66,8 @@ def velocity(
     guided = _guided(views, normal, weight, noise, rotation_std, o)
     if guided is not None:
         return guided
-    moved = _moved(views, _gaps(views, o.motion_span_s), normal, weight, noise, rotation_std, o.shared_noise)
-    return None if moved is None else _newest(moved, moved.t, o.acceleration_std)[:2]
+    moved = _moved(views, _gaps(views, o.motion_span_s), normal, weight, noise, rotation_std, o)
+    return None if moved is None else newest(moved.tau, moved.t, moved.bent(o.acceleration_std))
 
 
 def _guided(
@@ -57,22 +79,19 @@ def _guided(
     change = views.detour(gaps, o.velocity_max_age_s, o.max_acceleration)
     if change is None:
         return None
-    moved = _moved(views, gaps, normal, weight, noise, rotation_std, o.shared_noise)
+    moved = _moved(views, gaps, normal, weight, noise, rotation_std, o)
     if moved is None:
         return None
-    vehicle, detour = change
+    told = Told(*change, o.guided_velocity_std, views.newest.velocity_noise)
     # the whole way over the longest gap, in heights and in metres
-    way = (detour[-1] - vehicle * moved.tau[-1]).tolist()
-    square = sum(x * x for x in way)
-    per_metre = (
-        sum(x * t for x, t in zip(way, moved.t[-1].tolist(), strict=True)) / square if square > 0 else 0.0
-    )
+    way = told.detour[-1] - told.velocity * moved.tau[-1]
+    square = float(np.dot(way, way))
+    per_metre = float(np.dot(way, moved.t[-1])) / square if square > 0 else 0.0
     if per_metre <= 0:
         return None
-    known = per_metre * detour
-    share_std = math.hypot(o.guided_share_std, o.guided_velocity_std * moved.tau[-1] / math.sqrt(square))
-    omega, std, chi_square = _newest(moved, moved.t - known, o.guided_acceleration_std, share_std * known)
-    return (omega, std) if chi_square <= o.velocity_agreement else None
+    covariance = moved.bent(o.guided_acceleration_std * per_metre)
+    found = newest_told(moved.tau, moved.t, covariance, told, per_metre)
+    return found[:2] if found[2] <= o.velocity_agreement else None
 
 
 def _gaps(views: Views, span_s: float) -> NDArray[np.intp]:
@@ -87,58 +106,62 @@ def _moved(
     weight: Array,
     noise: float,
     rotation_std: float,
-    shared_noise: float,
+    options: EstimatorOptions,
 ) -> _Moved | None:
     tracks, derotated = views.stack(gaps)
     # a rotation shows in the curvature of the flow alone, where errors that neighbouring tracks share count most
-    std = np.full(3, rotation_std / (shared_noise * noise))
+    noise *= options.shared_noise
     over = OverPlane(tracks.new, derotated, normal, tracks.whitener, turns=True)
-    found = over.displacement(weight.take(tracks.slots), std)
+    found = over.displacement(weight.take(tracks.slots), np.full(3, rotation_std / noise))
     if found is None:
         return None
-    tau = np.array([views.newest.time_s - views.view(int(gap)).time_s for gap in gaps])
-    variance = found[1].diagonal(axis1=1, axis2=2)[:, :3] * noise**2
-    return _Moved(tau, found[0][:, :3], variance)
+    newest_s = views.newest.time_s
+    tau = np.array([newest_s - views.view(gap).time_s for gap in gaps.tolist()])
+    alone = np.eye(len(gaps))
+    covariance = found[1].diagonal(axis1=1, axis2=2)[:, :3].T[:, :, None] * (alone * noise**2)
+    # what is wrong with a whole frame, its attitude or all its matches alike: the newest one's is in every gap
+    matches = (options.shared_error_px / views.camera.focal_px) ** 2
+    covariance[:2] += (options.attitude_error_std_rad**2 + matches) * (alone + 1.0)
+    covariance[2] += matches * (alone + 1.0)
+    return _Moved(tau, found[0][:, :3], covariance)
 
 
-def _newest(
-    moved: _Moved, t: Array, acceleration_std: float, doubtful: Array | None = None
+def newest(tau: Array, t: Array, covariance: Array) -> tuple[Array, Array]:
+    """omega (3,) and its standard deviation (3,) from t(T) = -omega T, by generalised least squares.
+
+    ``t`` (g, 3) over ``tau`` (g,) with errors of ``covariance`` (3, g, g). NaN where nothing is left of omega.
+    """
+    weighted = np.linalg.solve(covariance, np.broadcast_to(tau[:, None], (3, len(tau), 1)))[..., 0]
+    information = weighted @ tau
+    information[information <= 0] = math.nan
+    return -(weighted * t.T).sum(axis=1) / information, information**-0.5
+
+
+def newest_told(
+    tau: Array, t: Array, covariance: Array, told: Told, per_metre: float
 ) -> tuple[Array, Array, float]:
-    """omega (3,), its standard deviation (3,), and the chi-square of the displacements ``t`` (g, 3).
+    """omega (3,), its standard deviation (3,) and the chi-square of the fit, by generalised least squares.
 
-    ``doubtful`` (g, 3) is a displacement at one standard deviation that each axis may have a share of.
+    t(T) = -omega T + k detour(T), omega = k (velocity - error): four unknowns, omega and the scale k (1/m), for which
+    ``per_metre`` stands in the error's share only. ``t`` and ``covariance`` as for ``newest``.
     """
-    # columns: velocity, acceleration and share at one standard deviation, what is observed
-    columns = np.zeros((3, 4, len(t)))
-    columns[:, 0], columns[:, 1] = -moved.tau, moved.tau**2 * (acceleration_std / 2)
-    if doubtful is not None:
-        columns[:, 2] = doubtful.T
-    columns[:, 3] = t.T
-    weighted = columns / moved.variance.T[:, None]
-    found = [_solved(product) for product in np.matmul(weighted, columns.transpose(0, 2, 1)).tolist()]
-    omega, std, chi_square = zip(*found, strict=True)
-    return np.array(omega), np.array(std), sum(chi_square)
-
-
-def _solved(product: list[list[float]]) -> tuple[float, float, float]:
-    """The velocity, its standard deviation and the chi-square, from the products of the columns.
-
-    Acceleration and share have a prior of zero mean and unit variance; they are eliminated one after the other. NaN and
-    an infinite chi-square where nothing of the velocity is left.
-    """
-    (vv, va, vs, vt), (_, aa, sa, at), (_, _, ss, st), (_, _, _, tt) = product
-    aa += 1.0
-    v, s, t = va / aa, sa / aa, at / aa
-    vv, vs, vt, ss, st, tt = (
-        vv - v * va,
-        vs - v * sa,
-        vt - v * at,
-        ss - s * sa + 1.0,
-        st - s * at,
-        tt - t * at,
+    columns = np.empty((3, 3, len(tau)))
+    columns[:, 0], columns[:, 1], columns[:, 2] = -tau, told.detour.T, t.T
+    product = columns @ np.linalg.solve(covariance, columns.transpose(0, 2, 1))
+    precision = (per_metre * told.std) ** -2.0
+    omega, slope, std2 = [0.0] * 3, [0.0] * 3, [0.0] * 3
+    information = right = chi_square = 0.0
+    for axis, ((vv, vk, vt), (_, kk, kt), (_, _, tt)) in enumerate(product.tolist()):
+        said = float(told.velocity[axis])
+        vv, vk, kk = vv + precision, vk - precision * said, kk + precision * said * said
+        # omega is eliminated
+        omega[axis], slope[axis], std2[axis] = vt / vv, vk / vv, 1 / vv
+        information += kk - vk * vk / vv
+        right += kt - vk * vt / vv
+        chi_square += tt - vt * vt / vv
+    k = right / information
+    return (
+        np.array([w - s * k for w, s in zip(omega, slope, strict=True)]),
+        np.sqrt([v + s * s / information + (k * told.noise) ** 2 for v, s in zip(std2, slope, strict=True)]),
+        chi_square - right * k if k > 0 else math.inf,
     )
-    v, t = vs / ss, st / ss
-    vv, vt, tt = vv - v * vs, vt - v * st, tt - t * st
-    if not vv > 0:
-        return math.nan, math.nan, math.inf
-    return vt / vv, 1.0 / math.sqrt(vv), tt - vt * vt / vv

@@ -23,8 +23,8 @@ _LATE_STEP_S = 0.002
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """One exposure: its time, ned_from_camera (3, 3) or None, the trust in rotations measured from it, the
-    vehicle's velocity (3,) m/s NED or None with its age, the camera's rate of turn (3,) rad/s about its own axes or
+    """One exposure: its time, ned_from_camera (3, 3) or None, the trust in rotations measured from it, the vehicle's
+    velocity (3,) m/s NED or None with its age and noise, the camera's rate of turn (3,) rad/s about its own axes or
     None, and the lateness that the attitude allows for."""
 
     frame: int
@@ -33,6 +33,7 @@ class View:
     rotation_std_rad: float
     velocity_ned: Array | None = None
     velocity_age_s: float = 0.0
+    velocity_noise: float = 0.0
     turn_rate: Array | None = None
     late_s: float = 0.0
 
@@ -98,6 +99,7 @@ class Views:
                 o.rotation_std_rad,
                 o.velocity_ned,
                 o.velocity_age_s,
+                o.velocity_noise,
                 rate,
                 o.late_s,
             )

@@ -17,7 +17,7 @@ from score import EVEN, SLOPE_MARGIN_DEG, UNEVEN, WHOLE_PLANE, truth_of
 
 from companion.core import Core, Processed
 from companion.replay_source import PlainCamera, ReplaySource, open_source
-from drivers.samples import AngularRate, Attitude, Frame, Sample
+from drivers.samples import Attitude, Frame, Imu, Sample
 from landing.estimate import SurfaceEstimate
 from landing.tracking import FeatureTracker
 
@@ -68,8 +68,8 @@ def gyro_bias(rate_deg: float) -> Edit:
     def edit(samples: list[Sample]) -> list[Sample]:
         out: list[Sample] = []
         for s in samples:
-            if isinstance(s, AngularRate):
-                s = replace(s, x=s.x + bias, y=s.y + bias, z=s.z + bias)
+            if isinstance(s, Imu):
+                s = replace(s, rate=tuple(rate + bias for rate in s.rate))
             elif isinstance(s, Attitude):
                 s = replace(
                     s,
@@ -100,7 +100,7 @@ def late_stamps(by_us: int) -> Edit:
 
 def slow_attitude(samples: list[Sample]) -> list[Sample]:
     """Attitude at 10 Hz and gyro at 50 Hz of the 100 recorded."""
-    return folder_edits.thin(folder_edits.thin(samples, Attitude, 10), AngularRate, 2)
+    return folder_edits.thin(folder_edits.thin(samples, Attitude, 10), Imu, 2)
 
 
 def half_blank(number: int, image: Image) -> Image:

@@ -215,7 +215,9 @@ class Flight:
         row[tracker.alive] = camera.undistort(pixel[tracker.alive])
         turned = told @ camera.body_from_camera if known else None
         rate = None if body_rate is None else body_rate @ camera.body_from_camera
-        self.views.add(View(tracker.frame, time_s, turned, 1e-5, velocity_ned, velocity_age_s, rate, late_s))
+        self.views.add(
+            View(tracker.frame, time_s, turned, 1e-5, velocity_ned, velocity_age_s, 0.0, rate, late_s)
+        )
         return self.views
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from companion.attitude import AttitudeBuffer, BodyAttitude
 from companion.settings import SyncSettings
-from drivers.samples import AngularRate, Attitude
+from drivers.samples import Attitude
 from landing.rotations import euler_from_matrix, exp_so3, log_so3, matrix_from_euler
 
 NO_DELAY = SyncSettings(gyro_delay_s=0.0)
@@ -39,7 +39,7 @@ def filled(settings, attitude_hz, gyro_hz, seconds=2.0, bias=(0.0, 0.0, 0.0)):
         if kind == "attitude":
             buffer.add_attitude(us, Attitude(us, us, *swinging(t), *body_rate(t)))
         else:
-            buffer.add_rate(us, AngularRate(us, us, *(body_rate(t) + bias)))
+            buffer.add_rate(us, tuple(body_rate(t) + bias))
     return buffer
 
 
@@ -81,7 +81,7 @@ def test_the_gyros_delay_is_taken_out():
         for b in (buffer, wrong):
             if k % 10 == 0:
                 b.add_attitude(us, Attitude(us, us, *swinging(t), *body_rate(t)))
-            b.add_rate(us, AngularRate(us, us, *body_rate(t - late)))
+            b.add_rate(us, tuple(body_rate(t - late)))
     assert errors(buffer).max() < errors(wrong).max() / 2
 
 
@@ -130,7 +130,7 @@ def test_gyro_samples_that_leave_a_hole_are_not_integrated():
             if k % 10 == 0:
                 b.add_attitude(us, Attitude(us, us, *swinging(t), *body_rate(t)))
             if b is full or not 10 < k < 20:
-                b.add_rate(us + 100, AngularRate(us, us, *body_rate(t)))
+                b.add_rate(us + 100, tuple(body_rate(t)))
     holed, whole = buffer.at(150_000), full.at(150_000)
     assert isinstance(holed, BodyAttitude)
     assert isinstance(whole, BodyAttitude)
@@ -141,8 +141,8 @@ def test_samples_out_of_order_are_told():
     buffer = AttitudeBuffer(NO_DELAY)
     assert buffer.add_attitude(1000, Attitude(0, 0, 0, 0, 0))
     assert not buffer.add_attitude(1000, Attitude(0, 0, 0, 0, 0))
-    assert buffer.add_rate(1000, AngularRate(0, 0, 0, 0, 0))
-    assert not buffer.add_rate(900, AngularRate(0, 0, 0, 0, 0))
+    assert buffer.add_rate(1000, (0.0, 0.0, 0.0))
+    assert not buffer.add_rate(900, (0.0, 0.0, 0.0))
 
 
 def test_turning_through_north_goes_the_short_way():
@@ -158,7 +158,7 @@ def test_memory_stays_bounded_over_a_long_flight():
     buffer = AttitudeBuffer(NO_DELAY)
     for k in range(60_000):
         buffer.add_attitude(10_000 * k, Attitude(0, 0, 0, 0, 0))
-        buffer.add_rate(10_000 * k, AngularRate(0, 0, 0, 0, 0))
+        buffer.add_rate(10_000 * k, (0.0, 0.0, 0.0))
     assert len(buffer._times) < 1000
     assert len(buffer._gyro_times) < 1000
     assert buffer.at(10_000 * 50_000) == "attitude_too_late"
@@ -215,3 +215,21 @@ def test_exact_turn_at_constant_rate():
     estimate = buffer.at(70_000)
     assert isinstance(estimate, BodyAttitude)
     assert np.allclose(estimate.ned_from_body, exp_so3(axis * 0.07), atol=1e-9)
+
+
+@given(st.floats(0.05, 1.95), st.tuples(*[st.floats(-20, 20)] * 3))
+def test_a_force_is_turned_into_the_worlds_axes(t: float, force):
+    found = filled(NO_DELAY, 100, 0).to_ned(round(t * 1e6), force)
+    assert found is not None
+    np.testing.assert_allclose(found, rotation(t) @ force, atol=0.02)
+
+
+def test_a_force_turns_through_north_the_short_way_and_has_no_attitude_before_the_first():
+    buffer = AttitudeBuffer(NO_DELAY)
+    assert buffer.to_ned(0, (1.0, 0.0, 0.0)) is None
+    buffer.add_attitude(0, Attitude(0, 0, 0, 0, math.pi - 0.1))
+    buffer.add_attitude(10_000, Attitude(0, 0, 0, 0, 0.1 - math.pi))
+    assert buffer.to_ned(-1, (1.0, 0.0, 0.0)) is None
+    assert buffer.to_ned(5_000, (1.0, 0.0, 0.0)) == pytest.approx((-1.0, 0.0, 0.0))
+    # behind the newest it is the newest's
+    assert buffer.to_ned(90_000, (1.0, 0.0, 0.0)) == pytest.approx((-math.cos(0.1), -math.sin(0.1), 0.0))

@@ -11,8 +11,10 @@ SLOPE_DEG = {"fine": (0.12, 0.40), "hard": (0.2, 0.9)}
 INCLINATION_DEG = {"fine": (0.25, 0.6), "hard": (0.3, 1.0)}
 COVERAGE = 0.95
 MISSED_SHARE = 0.05
-FLOW = (0.01, 0.04)
-CONTACT_MEDIAN = 0.03
+FLOW = (0.01, 0.03)
+CONTACT = (0.02, 0.08)
+JOLTED_CONTACT_MEDIAN = 0.06
+"""On stairs_c four frames are judged, while gusts move the vehicle up and down by 2 m/s^2."""
 
 
 @pytest.fixture(scope="module", params=NAMES)
@@ -47,9 +49,10 @@ def test_the_motion_holds_at_the_newest_frame(flown: tuple[str, Replayed, Score]
     assert figures.ventral_flow.p95 is not None
     assert figures.ventral_flow.median <= FLOW[0]
     assert figures.ventral_flow.p95 <= FLOW[1]
-    if flight in ("descent_a", "ramp_a", "agile_a"):
-        assert figures.time_to_contact.median is not None
-        assert figures.time_to_contact.median <= CONTACT_MEDIAN
+    assert figures.time_to_contact.median is not None
+    assert figures.time_to_contact.p95 is not None
+    assert figures.time_to_contact.median <= (JOLTED_CONTACT_MEDIAN if flight == "stairs_c" else CONTACT[0])
+    assert figures.time_to_contact.p95 <= CONTACT[1]
 
 
 def test_what_is_unsafe_is_never_called_flat_and_what_is_landable_is_seldom_missed(

@@ -10,11 +10,11 @@ from companion.judge import Judge, LandRequest
 from companion.messages import Decision, Event
 from companion.settings import HealthSettings, LandingSettings, Settings
 from drivers.samples import (
-    AngularRate,
     Attitude,
     CommandAnswer,
     Frame,
     Heartbeat,
+    Imu,
     LandedState,
     Refusal,
     Velocity,
@@ -54,7 +54,7 @@ class Scene:
         samples = {
             "frames": Frame(self.frame, us, us, None),
             "attitude": Attitude(us, us, 0, 0, 0),
-            "gyro": AngularRate(us, us, 0, 0, 0),
+            "gyro": Imu(us, us, (0, 0, 0)),
             "velocity": Velocity(us, us, (0, 0, 0), (0, 0, 0)),
             "heartbeat": Heartbeat(us, self.armed, self.mode, "ardupilot", 4),
             "landed_state": LandedState(us, self.landed),

@@ -9,7 +9,7 @@ from companion.landing_watch import LandingWatch
 from companion.messages import Decision, Estimate, Event, Health, estimate_message
 from companion.reporting import GroundReport
 from companion.settings import LandingSettings, MavlinkSettings
-from drivers.samples import AngularRate
+from drivers.samples import Imu
 from landing.camera import body_from_camera
 from landing.estimate import SurfaceEstimate
 
@@ -122,7 +122,7 @@ def test_optical_flow_has_mavlinks_signs_and_the_rotation_in_it(velocity_body, e
     height = 2.0
     camera = DOWN.T @ np.array([*velocity_body, 0.0]) / height
     for rate in (0.1, 0.3):
-        ground.gyro(AngularRate(0, 0, rate, -rate, 9.0))
+        ground.gyro(Imu(0, 0, (rate, -rate, 9.0)))
     (flow,) = ground.feed(
         estimate(
             ventral_flow_x=camera[0],

@@ -12,7 +12,7 @@ from companion.attitude import BodyAttitude
 from companion.frame_time import FrameTime, FrameTimeline
 from companion.settings import CameraSettings, Settings, SyncSettings
 from companion.sync import Synchroniser
-from drivers.samples import AngularRate, Attitude, Frame, Heartbeat, Velocity
+from drivers.samples import Attitude, Frame, Heartbeat, Imu, Velocity
 from landing.rotations import euler_from_matrix
 
 OFFSET_US = 1_795_000_000_000_000
@@ -36,7 +36,7 @@ def flight(seconds, *, delay_us=3000, frame_delay_us=0, late_us=0, frame_hz=30, 
         wiggle = 1500 * (k * 7 % 5)
         attitude = Attitude(stamped(boot_us) + delay_us + wiggle, boot_us, roll_at(boot_us), 0, 0, 0.3)
         samples.append((boot_us + delay_us + wiggle, attitude))
-        gyro = AngularRate(stamped(boot_us) + delay_us, boot_us, 0.6 * math.cos(2e-6 * boot_us), 0, 0)
+        gyro = Imu(stamped(boot_us) + delay_us, boot_us, (0.6 * math.cos(2e-6 * boot_us), 0.0, 0.0))
         samples.append((boot_us + delay_us, gyro))
         if k % 10 == 0:
             north = boot_us * 1e-6

@@ -7,11 +7,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from drivers.flight_modes import mode_name
 from drivers.samples import (
-    AngularRate,
     Attitude,
     ClockOffset,
     CommandAnswer,
     Heartbeat,
+    Imu,
     LandedState,
     RcChannels,
     Refusal,
@@ -84,10 +84,31 @@ def test_quaternions_stand_in_only_where_no_attitude_comes():
 @pytest.mark.parametrize("message", [raw_imu(), scaled_imu(), highres_imu()])
 def test_every_gyro_gives_radians_per_second(message):
     (sample,) = decode(TelemetryDecoder(), message)
-    assert isinstance(sample, AngularRate)
-    assert (sample.x, sample.y, sample.z) == pytest.approx((0.1, -0.2, 0.3))
+    assert isinstance(sample, Imu)
+    assert sample.rate == pytest.approx((0.1, -0.2, 0.3))
     assert sample.source == message.get_type()
     assert sample.boot_us == (1_000_500 if sample.source == "SCALED_IMU" else 1_000_000)
+
+
+@pytest.mark.parametrize(
+    ("message", "down"),
+    [
+        (M.MAVLink_raw_imu_message(1000, 20, -10, -1000, 0, 0, 0, 0, 0, 0), -9.80665),
+        (M.MAVLink_scaled_imu_message(1, 20, -10, -1000, 0, 0, 0, 0, 0, 0), -9.80665),
+        (M.MAVLink_highres_imu_message(1000, 0.196, -0.098, -9.8, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 7), -9.8),
+    ],
+)
+def test_every_accelerometer_gives_metres_per_second_squared(message, down):
+    (sample,) = decode(TelemetryDecoder(), message)
+    assert sample.force == pytest.approx((0.196, -0.098, down), abs=2e-4)
+
+
+@pytest.mark.parametrize("force", [(0.0, 0.0, 0.0), (0.0, math.nan, -9.8)])
+def test_a_gyro_without_an_accelerometer_is_one(force):
+    message = M.MAVLink_highres_imu_message(1000, *force, 0.1, -0.2, 0.3, 0, 0, 0, 0, 0, 0, 0, 0x38)
+    (sample,) = decode(TelemetryDecoder(), message)
+    assert sample.rate == pytest.approx((0.1, -0.2, 0.3))
+    assert sample.force is None
 
 
 def test_the_best_gyro_is_kept_and_a_lesser_one_steps_in_when_it_stops():

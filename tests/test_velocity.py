@@ -5,7 +5,8 @@ import pytest
 import synthetic_flow
 
 from landing.options import EstimatorOptions
-from landing.velocity import _Moved, _newest, velocity
+from landing.rotations import exp_so3
+from landing.velocity import Told, newest, newest_told, velocity
 
 RATE_HZ = 30.0
 LEVEL = np.array((0.0, 0.0, 1.0))
@@ -16,13 +17,14 @@ def over(views, normal=LEVEL, options=OPTIONS):
     return velocity(views, normal, np.ones(len(views.tracker.alive)), 1.0, 1e-5, options)
 
 
-def braking(seed: int, told=None, age_s: float = 0.0, harder: float = 1.0):
+def braking(seed: int, told=None, age_s: float = 0.0, harder: float = 1.0, off_rad=(0.0, 0.0)):
     """Views of a camera 1 m above level ground that brakes northwards, at 0.5 m/s at the newest of 13 frames.
 
     It brakes by 0.5 m/s^2, and until a fifth of a second ago by ``harder`` m/s^2 more. ``told``: the velocity north
-    that the autopilot states, from the true one and the time.
+    that the autopilot states, from the true one and the time; ``off_rad``: error of the newest attitude's pitch, and of
+    all attitudes, one sigma.
     """
-    rng = np.random.default_rng(seed)
+    rng, shaken = np.random.default_rng(seed), np.random.default_rng(1000 + seed)
     flight = synthetic_flow.Flight(synthetic_flow.ground(rng, 0.0, 0.0, 1.0, 1.6), rng)
     for k in range(13):
         t = (k - 12) / RATE_HZ
@@ -30,7 +32,10 @@ def braking(seed: int, told=None, age_s: float = 0.0, harder: float = 1.0):
         north = 0.5 * t - 0.25 * t * t - 0.5 * harder * before * before
         speed = 0.5 - 0.5 * t - harder * before
         said = None if told is None else np.array((told(speed, t), 0.0, 0.0))
-        flight.step(k / RATE_HZ, np.array((north, 0, 0)), velocity_ned=said, velocity_age_s=age_s)
+        off = off_rad[1] * shaken.normal(size=3)
+        off[1] += off_rad[0] if k == 12 else 0.0
+        place = np.array((north, 0, 0))
+        flight.step(k / RATE_HZ, place, measured=exp_so3(off), velocity_ned=said, velocity_age_s=age_s)
     return flight.views
 
 
@@ -60,7 +65,7 @@ def test_what_the_autopilot_knows_of_its_velocity_makes_the_result_better():
     """It is wrong by a fifth and yet tells how the velocity changed."""
 
     def errors(**said):
-        found = [over(braking(seed, **said)) for seed in range(30)]
+        found = [over(braking(seed, off_rad=(0.0, 5e-4), **said)) for seed in range(30)]
         assert all(f is not None for f in found)
         return np.array([f[0] - (0, -0.5, 0) for f in found]), np.array([f[1] for f in found])
 
@@ -103,28 +108,75 @@ def test_one_frame_has_no_velocity():
 
 @pytest.mark.parametrize("gaps", [1, 2, 3])
 def test_the_newest_velocity_is_the_least_squares_solution(gaps: int):
-    """Against generalised least squares, where acceleration and share are part of the errors' covariance."""
     rng = np.random.default_rng(gaps)
     tau = np.arange(1, gaps + 1) / 10
-    moved = _Moved(tau, rng.normal(size=(gaps, 3)), rng.uniform(1e-5, 1e-4, (gaps, 3)))
-    share, acceleration_std = rng.normal(0, 0.01, (gaps, 3)), 0.4
-    omega, std, chi_square = _newest(moved, moved.t, acceleration_std, share)
-    expected = 0.0
+    t = rng.normal(size=(gaps, 3))
+    omega, std = newest(tau, t, covariances(rng, gaps))
+    for axis, covariance in enumerate(covariances(np.random.default_rng(gaps), gaps, skip=3 * gaps)):
+        solution, variance = least_squares(-tau[:, None], t[:, axis], covariance)
+        assert omega[axis] == pytest.approx(solution[0])
+        assert std[axis] == pytest.approx(variance[0, 0] ** 0.5)
+
+
+@pytest.mark.parametrize("gaps", [1, 2, 3])
+def test_the_velocity_told_is_the_least_squares_solution(gaps: int):
+    """Against one system of equations for all three axes: displacements, and omega = k (velocity - error)."""
+    rng = np.random.default_rng(gaps)
+    tau, per_metre = np.arange(1, gaps + 1) / 10, 0.5
+    told = Told(rng.normal(size=3), rng.normal(0, 0.1, (gaps, 3)), std=0.06, noise=0.01)
+    t = per_metre * (told.detour - tau[:, None] * told.velocity) + rng.normal(0, 1e-3, (gaps, 3))
+    errors = covariances(rng, gaps)
+    omega, std, chi_square = newest_told(tau, t, errors, told, per_metre)
+    rows = np.zeros((3 * gaps + 3, 4))
+    observed = np.zeros(3 * gaps + 3)
+    covariance = np.eye(3 * gaps + 3) * (per_metre * told.std) ** 2
     for axis in range(3):
-        bent = tau**2 * acceleration_std / 2
-        errors = np.diag(moved.variance[:, axis]) + np.outer(bent, bent)
-        weight = np.linalg.inv(errors + np.outer(share[:, axis], share[:, axis]))
-        information = tau @ weight @ tau
-        found = -(tau @ weight @ moved.t[:, axis]) / information
-        left = moved.t[:, axis] + found * tau
-        assert omega[axis] == pytest.approx(found, rel=1e-6)
-        assert std[axis] == pytest.approx(information**-0.5, rel=1e-6)
-        expected += left @ weight @ left
-    assert chi_square == pytest.approx(expected, rel=1e-4, abs=1e-6)
+        part = slice(axis * gaps, (axis + 1) * gaps)
+        rows[part, axis], rows[part, 3] = -tau, told.detour[:, axis]
+        observed[part] = t[:, axis]
+        covariance[part, part] = errors[axis]
+    rows[-3:, :3], rows[-3:, 3] = np.eye(3), -told.velocity
+    solution, variance = least_squares(rows, observed, covariance)
+    left = observed - rows @ solution
+    np.testing.assert_allclose(omega, solution[:3])
+    spread = variance.diagonal()[:3] + (solution[3] * told.noise) ** 2
+    np.testing.assert_allclose(std, np.sqrt(spread))
+    assert chi_square == pytest.approx(left @ np.linalg.solve(covariance, left))
+
+
+def covariances(rng, gaps: int, skip: int = 0):
+    """Three of them, of errors that go together."""
+    rng.normal(size=skip)
+    spread = rng.normal(0, 1e-3, (3, gaps, gaps))
+    return spread @ spread.transpose(0, 2, 1) + 1e-6 * np.eye(gaps)
+
+
+def least_squares(rows, observed, covariance):
+    weight = np.linalg.inv(covariance)
+    variance = np.linalg.inv(rows.T @ weight @ rows)
+    return variance @ rows.T @ weight @ observed, variance
 
 
 def test_displacements_that_tell_nothing_give_no_velocity():
-    moved = _Moved(np.zeros(2), np.zeros((2, 3)), np.ones((2, 3)))
-    omega, _, chi_square = _newest(moved, moved.t, 1.0)
+    omega, _ = newest(np.zeros(2), np.zeros((2, 3)), np.broadcast_to(np.eye(2), (3, 2, 2)))
     assert np.isnan(omega).all()
-    assert chi_square == np.inf
+
+
+def test_a_velocity_against_its_own_changes_is_refused():
+    """The camera went the one way and the vehicle says that it went the other."""
+    tau, told = np.array((0.1, 0.2)), Told(np.array((1.0, 0.0, 0.0)), np.zeros((2, 3)), 0.01, 0.0)
+    t = tau[:, None] * (1.0, 0.0, 0.0)
+    assert newest_told(tau, t, np.broadcast_to(1e-6 * np.eye(2), (3, 2, 2)), told, 1.0)[2] == np.inf
+
+
+def test_an_attitude_that_is_off_counts_less_with_a_velocity():
+    """A millirad in the newest frame alone, as while a vehicle begins to turn."""
+
+    def moved(told):
+        off, straight = (over(braking(11, told, off_rad=(rad, 0.0))) for rad in (1e-3, 0.0))
+        assert off is not None
+        assert straight is not None
+        assert (abs(off[0] - (0, -0.5, 0)) < 2.5 * off[1]).all()
+        return abs(off[0] - straight[0])[1]
+
+    assert moved(lambda speed, t: speed) < 0.5 * moved(None)
