@@ -126,7 +126,7 @@ class SyncSettings:
     ] = 0.2
     accelerometer_delay_s: Annotated[
         float, Limits(0, 0.05, "s", "delay of the accelerometer by the autopilot's filter, until it is found")
-    ] = 0.012
+    ] = 0.01
     clock_window_s: Annotated[float, Limits(2, 60, "s", "window of the lower envelope of arrival times")] = (
         10.0
     )

@@ -62,8 +62,8 @@ class Synchroniser:
     """Feed it frames, attitudes, IMU samples, velocities and round trips; take ready frames and notices.
 
     ``now_us`` is the steady companion time of the newest sample. Frames leave in order, each as soon as an attitude
-    behind its exposure has come, and what the accelerometer, which is late, says of it, or after
-    ``sync.attitude_wait_s`` of sample time without.
+    behind its exposure and the accelerometer's sample there have come, or after ``sync.attitude_wait_s`` of sample
+    time without.
     """
 
     def __init__(self, settings: Settings, telemetry: bool) -> None:

@@ -2,7 +2,9 @@
 
 A velocity message is 20 to 100 ms from the next, and a vehicle that is jolted by gusts or brakes does not go
 straight from one to the other. The accelerometer tells what it does between. Its samples have passed the autopilot's
-low-pass filter and so are late; by how much is found on the way.
+low-pass filter, one of Butterworth's of second order, which delays what is slow by d = sqrt(2) / (2 pi cutoff) and is
+undone by a = f + d f' + d^2 / 2 f'': the integral of a is that of the samples f, plus d f, plus d^2 / 2 f'. So only
+the sample next behind an exposure is waited for. The delay is found on the way.
 """
 
 import math
@@ -24,6 +26,9 @@ KEPT = 128
 
 EXTRAPOLATED_US = 20_000
 """The last acceleration is taken to go on for so long."""
+
+AGE_US = 2_000
+"""How old a sample is when it is stamped, with what the difference of two samples is late by against their slope."""
 
 JUMP_M_S = 0.25
 """A step of the velocity that nothing tells of is a reset of the autopilot's filter: what was before is void."""
@@ -60,9 +65,12 @@ class VelocityBuffer:
         """Forget everything, as after a reboot."""
         self._told: deque[tuple[int, Vector3]] = deque(maxlen=KEPT)
         self._times: deque[int] = deque(maxlen=KEPT)
+        self._felt: deque[Vector3] = deque(maxlen=KEPT)
+        """Accelerations (m/s^2, NED) as the filter lets them through."""
+        self._summed: Vector3 = (0.0, 0.0, 0.0)
         self._gained: deque[Vector3] = deque(maxlen=KEPT)
-        """What the accelerometer adds up to: the velocity but for a constant and a drift."""
-        self._acceleration: Vector3 = (0.0, 0.0, 0.0)
+        """What the accelerometer adds up to, the filter undone: the velocity but for a constant and a drift."""
+        self._goes_on: Vector3 = (0.0, 0.0, 0.0)
         self._bias: Vector3 = (0.0, 0.0, 0.0)
         self._seen = self._compared = 0
         self._straight2 = self._carried2 = 0.0
@@ -71,7 +79,7 @@ class VelocityBuffer:
 
     @property
     def delay_s(self) -> float:
-        """How late the accelerometer's samples are against the velocities."""
+        """How late the accelerometer's samples are against the velocities, beyond their age."""
         found = (self._delay_sr + DELAY_PRIOR * self._first_delay_s) / (self._delay_ss + DELAY_PRIOR)
         return min(max(found, 0.0), 0.05)
 
@@ -96,29 +104,34 @@ class VelocityBuffer:
         times = self._times
         if times and boot_us <= times[-1]:
             return False
-        turned = self._attitudes.to_ned(boot_us - round(self.delay_s * 1e6), force)
+        delay_s = self.delay_s
+        turned = self._attitudes.to_ned(boot_us - round(delay_s * 1e6), force)
         if turned is None:
             return True
-        now = (turned[0], turned[1], turned[2] + GRAVITY)
+        felt = (turned[0], turned[1], turned[2] + GRAVITY)
+        change: Vector3 = (0.0, 0.0, 0.0)
         if not times or boot_us - times[-1] > self._max_gap_us:
             times.clear()
+            self._felt.clear()
             self._gained.clear()
-            gained = (0.0, 0.0, 0.0)
         else:
-            gained = _sum(self._gained[-1], _sum(now, self._acceleration), (boot_us - times[-1]) * 0.5e-6)
+            before, step_s = self._felt[-1], (boot_us - times[-1]) * 1e-6
+            self._summed = _sum(self._summed, _sum(felt, before), 0.5 * step_s)
+            change = _sum(felt, before, -1.0)
+            change = (change[0] / step_s, change[1] / step_s, change[2] / step_s)
         times.append(boot_us)
-        self._gained.append(gained)
-        self._acceleration = now
+        self._felt.append(felt)
+        self._goes_on = _sum(felt, change, delay_s)
+        self._gained.append(_sum(_sum(self._summed, felt, delay_s), change, delay_s * delay_s / 2))
         return True
 
     def complete(self, boot_us: int) -> bool:
         """Whether nothing is worth waiting for that tells of the velocity at ``boot_us``."""
-        if not self.carried or not self._times:
+        if not self.carried or not self._times or self._times[-1] >= boot_us + AGE_US:
             return True
-        behind_us = boot_us + round(self.delay_s * 1e6) - self._times[-1]
         newest_us = self._attitudes.newest_us
         # silent while attitudes go on: it will not come
-        return behind_us <= 0 or newest_us is None or newest_us - self._times[-1] > EXTRAPOLATED_US
+        return newest_us is None or newest_us - self._times[-1] > EXTRAPOLATED_US
 
     def at(self, boot_us: int) -> tuple[NDArray[np.float64], float, float] | None:
         """Velocity (3,) NED at an exposure, how far in s from it it was told, and its noise, one sigma of an axis.
@@ -140,8 +153,7 @@ class VelocityBuffer:
 
     def _gain(self, from_us: int, to_us: int) -> Vector3 | None:
         """Change of the velocity between two moments by the accelerometer; None where it tells nothing."""
-        late_us = round(self.delay_s * 1e6)
-        start, end = self._gained_at(from_us + late_us), self._gained_at(to_us + late_us)
+        start, end = self._gained_at(from_us + AGE_US), self._gained_at(to_us + AGE_US)
         if start is None or end is None:
             return None
         return _sum(_sum(end, start, -1.0), self._bias, (to_us - from_us) * 1e-6)
@@ -152,7 +164,7 @@ class VelocityBuffer:
             return None
         k = bisect_right(times, boot_us)
         if k == len(times):
-            return _sum(gained[-1], self._acceleration, (boot_us - times[-1]) * 1e-6)
+            return _sum(gained[-1], self._goes_on, (boot_us - times[-1]) * 1e-6)
         share = (boot_us - times[k - 1]) / (times[k] - times[k - 1])
         return _sum(gained[k - 1], _sum(gained[k], gained[k - 1], -1.0), share)
 
@@ -218,26 +230,22 @@ class VelocityBuffer:
             return
         from_us, before = self._told[k]
         gain = self._gain(from_us, at_us)
-        late_us = round(self.delay_s * 1e6)
-        rates = self._rate_at(from_us + late_us), self._rate_at(at_us + late_us)
-        if gain is None or rates[0] is None or rates[1] is None:
+        felt = self._felt_at(from_us), self._felt_at(at_us)
+        if gain is None or felt[0] is None or felt[1] is None:
             return
         span_s = (at_us - from_us) * 1e-6
         wrong = _sum(_sum(velocity, before, -1.0), gain, -1.0)
         # the vertical alone: errors of the attitude, which come late as well, do not reach it
-        slope = rates[1] - rates[0]
+        slope = felt[1] - felt[0]
         keep = math.exp(-interval_s / DELAY_MEMORY_S)
         self._delay_sr = keep * self._delay_sr + slope * (wrong[2] + slope * self.delay_s)
         self._delay_ss = keep * self._delay_ss + slope * slope
         self._bias = _sum(self._bias, wrong, -math.expm1(-interval_s / BIAS_S) / span_s)
 
-    def _rate_at(self, boot_us: int) -> float | None:
-        """Acceleration downwards by the samples next to a moment."""
+    def _felt_at(self, boot_us: int) -> float | None:
+        """The sample of the acceleration downwards next behind a moment."""
         k = bisect_left(self._times, boot_us)
-        if not 0 < k < len(self._times):
-            return None
-        gained = self._gained[k][2] - self._gained[k - 1][2]
-        return gained / ((self._times[k] - self._times[k - 1]) * 1e-6)
+        return self._felt[k][2] if 0 < k < len(self._times) else None
 
 
 def _sum(a: Vector3, b: Vector3, factor: float = 1.0) -> Vector3:

@@ -60,8 +60,9 @@ class SurfacePipeline:
         self.border = Border(options.estimator, camera)
         self.brink = Brink(options.estimator, camera)
         self.unlike = Unlike(options.estimator, camera)
+        e = options.estimator
         self.time_offset = TimeOffsetFilter(
-            options.estimator.time_offset_std_s, options.estimator.time_offset_drift
+            e.time_offset_std_s, e.time_offset_drift, e.attitude_error_std_rad
         )
         self._motion: tuple[Array, Array] | None = None
         self._stood_out = False

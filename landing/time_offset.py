@@ -27,8 +27,10 @@ _FARTHEST = 10.0
 class TimeOffsetFilter:
     """A scalar Kalman filter: lateness ``late_s`` beyond the offset that is set, its standard deviation ``std_s``."""
 
-    def __init__(self, std_s: float, drift: float) -> None:
+    def __init__(self, std_s: float, drift: float, attitude_error_std_rad: float) -> None:
+        """``attitude_error_std_rad``: what an attitude is wrong by for other reasons while the vehicle turns."""
         self.late_s, self.std_s = 0.0, std_s
+        self._attitude_error2 = 2 * attitude_error_std_rad**2
         self._first_std_s, self._drift = std_s, drift
         self._last_s: float | None = None
 
@@ -50,13 +52,16 @@ class TimeOffsetFilter:
         if change is None or float(change[0] @ change[0]) < _LEAST_CHANGE**2:
             return
         per_second, taken_out = change
-        # what the tracks alone tell of d, with the measured rotation's own noise: its precision, times d
+        # what the tracks alone tell of d, with the measured rotation's own noise: its precision, and that times d
         precision = found.prior_std**-2.0
-        doubt = np.diag(precision) - precision[:, None] * found.covariance * precision
-        weight = doubt @ per_second
+        told = np.diag(precision) - precision[:, None] * found.covariance * precision
+        # and with the errors of both attitudes, (told^-1 + Q)^-1 = (1 + told Q)^-1 told
+        more = np.eye(3) + self._attitude_error2 * told
+        both = np.linalg.solve(more, np.column_stack((told @ per_second, precision * found.mean)))
+        weight = both[:, 0]
         information = float(per_second @ weight)
         left = per_second * self.late_s - taken_out
-        surprise = float(per_second @ (precision * found.mean)) - float(weight @ left)
+        surprise = float(per_second @ both[:, 1]) - float(weight @ left)
         if not (information > 0 and math.isfinite(surprise)):
             return
         sigmas = abs(surprise) / math.sqrt(information + (information * self.std_s) ** 2)

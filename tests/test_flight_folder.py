@@ -28,7 +28,7 @@ class NoPipeline:
     """Stands in for the mathematics where only the way to it is of interest."""
 
     def __init__(self, *_):
-        self.time_offset = TimeOffsetFilter(0.0, 0.0)
+        self.time_offset = TimeOffsetFilter(0.0, 0.0, 0.0)
 
     def step(self, observation):
         known = observation.ned_from_body is not None

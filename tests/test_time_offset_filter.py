@@ -38,7 +38,7 @@ def flown(motion, late_s: float, frames: int = 60, std_s: float = STD_S):
     points = synthetic_flow.ground(rng, 0.0, 0.0, 2.0, 6.0, 600)
     flight = synthetic_flow.Flight(points, rng)
     estimator = MapEstimator(OPTIONS, flight.camera.focal_px, len(points))
-    found = TimeOffsetFilter(std_s, DRIFT)
+    found = TimeOffsetFilter(std_s, DRIFT, 7e-4)
     planes = []
     for k in range(frames):
         stamp_s = k / RATE_HZ
@@ -105,7 +105,7 @@ def plane_of(error, std: float = 1e-4):
 
 
 def test_one_wrong_fit_moves_what_many_have_shown_by_little():
-    found = TimeOffsetFilter(0.01, 0.0)
+    found = TimeOffsetFilter(0.01, 0.0, 7e-4)
     for k in range(100):
         found.step(Seen(k / RATE_HZ), plane_of(Seen(0).change * 0.005))
     late_s, std_s = found.late_s, found.std_s
@@ -116,21 +116,21 @@ def test_one_wrong_fit_moves_what_many_have_shown_by_little():
 
 @pytest.mark.parametrize("error", [(math.nan, 0, 0), (math.inf, 0, 0)])
 def test_what_is_no_number_is_left_out(error):
-    found = TimeOffsetFilter(0.01, 0.0)
+    found = TimeOffsetFilter(0.01, 0.0, 7e-4)
     found.step(Seen(0.0), plane_of(error))
     found.step(Seen(0.1, (math.nan, 0, 0)), plane_of((0, 0, 0)))
     assert (found.late_s, found.std_s) == (0.0, 0.01)
 
 
 def test_it_does_not_run_away():
-    found = TimeOffsetFilter(0.01, 0.0)
+    found = TimeOffsetFilter(0.01, 0.0, 7e-4)
     for k in range(1000):
         found.step(Seen(k / RATE_HZ), plane_of(Seen(0).change * 3.0))
     assert found.late_s == pytest.approx(0.1)
 
 
 def test_doubt_grows_with_time_but_never_beyond_what_it_was_at_first():
-    found = TimeOffsetFilter(0.01, 0.001)
+    found = TimeOffsetFilter(0.01, 0.001, 7e-4)
     found.step(Seen(0.0), plane_of((0, 0, 0)))
     found.std_s = 0.001
     found.step(Seen(3.0), Plane("too_few_tracks"))
