@@ -75,7 +75,7 @@ class EstimatorOptions:
     use_attitude: Annotated[bool, "take the vehicle's attitude out of the slopes"] = True
     attitude_std_deg: Annotated[
         float, Limits(0, 10, "deg", "error of the autopilot's roll and pitch, one sigma")
-    ] = 0.12
+    ] = 0.125
     attitude_scale_std: Annotated[
         float,
         Limits(0, 0.2, "", "the same as a share of the vehicle's tilt, which an autopilot knows less well"),
