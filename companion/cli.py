@@ -8,6 +8,7 @@ import sys
 from companion.closed_pipe import discard_output
 from companion.errors import LandslopeError
 from drivers.errors import DriverError
+from drivers.process_memory import keep_freed_memory
 from landing.errors import LandingError
 
 COMMANDS = {
@@ -90,6 +91,7 @@ def main(argv: list[str] | None = None) -> int:
 
 def script() -> None:
     """The installed command: ends with main's code, even when a library hangs in a thread of its own."""
+    keep_freed_memory()
     code = main()
     hanging = sys.modules.get("drivers.hanging")  # imported by the commands that need it alone
     if hanging is not None:

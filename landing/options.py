@@ -246,7 +246,7 @@ class DecisionOptions:
     hysteresis: Annotated[
         float, Limits(0, 1, "", "share by which a limit widens once the surface is fit")
     ] = 0.15
-    dwell_s: Annotated[float, Limits(0, 10, "s", "how long a surface must be flat before it is fit")] = 0.5
+    dwell_s: Annotated[float, Limits(0, 10, "s", "how long a surface must be flat before it is fit")] = 0.8
     patience_s: Annotated[float, Limits(0, 5, "s", "how long a fit surface may go without an estimate")] = 0.3
     roughness_sigmas: Annotated[float, Limits(0, 6, "", "standard deviations added to the roughness")] = 1.0
     max_relief_m: Annotated[

@@ -51,6 +51,7 @@ class Texture:
         down, across = (part.ravel() for part in np.meshgrid(step, step, indexing="ij"))
         self._columns, self._rows = camera.width // BLOCK, camera.height // BLOCK
         self._reach, self._window = reach, down * self._columns + across
+        self._places = np.empty((options.max_features, len(weight)), np.intp)
         self._sums = np.column_stack((weight, BLOCK * across * weight, BLOCK * down * weight)).astype(
             np.float32
         )
@@ -66,7 +67,9 @@ class Texture:
         x, y = block_of(pixels, self.camera)
         edge = self._reach
         x, y = x.clip(edge, self._columns - 1 - edge), y.clip(edge, self._rows - 1 - edge)
-        places = (y * self._columns + x)[:, None] + self._window
+        # in memory that is there already: fresh pages cost more than the sums
+        places = self._places[: len(x)]
+        np.add((y * self._columns + x)[:, None], self._window, out=places)
         total, along_x, along_y = np.stack(
             [np.dot(t.ravel().take(places), self._sums).T for t in tensor], 1
         ).astype(np.float64)

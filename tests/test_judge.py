@@ -91,7 +91,7 @@ def test_a_flat_surface_is_requested_once_after_the_dwell():
     scene = Scene()
     out = scene.run(4)
     (request,) = requests(out)
-    assert 0.5e6 <= request.time_unix_us - START_US < 0.7e6
+    assert 0.8e6 <= request.time_unix_us - START_US < 1.0e6
     assert events(out).count("landing_requested") == 1
     assert last(out).requested
     assert last(out).command == "requested"
@@ -215,7 +215,7 @@ def test_decisions_come_on_change_and_every_second():
     scene = Scene(enabled=False)
     out = scene.run(10)
     decisions = [o for o in out if isinstance(o, Decision)]
-    assert 11 <= len(decisions) <= 13
+    assert 10 <= len(decisions) <= 12
     times = [d.time_unix_us for d in decisions]
     assert all(b - a <= 1_040_000 for a, b in pairwise(times))
 

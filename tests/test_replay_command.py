@@ -46,6 +46,7 @@ def lines(path: Path) -> list[dict]:
 def test_files_of_one_flight(flight: Path, tmp_path: Path, capsys):
     out, events, plot, video = (tmp_path / n for n in ("e.jsonl", "v.jsonl", "p.png", "o.mp4"))
     arguments = ["--out", out, "--events", events, "--plot", plot, "--video", video, "--enable-after", "1"]
+    arguments += ["--set", "decision.dwell_s=0.5"]  # the flight is short
     assert cli.main(["replay", str(flight), *FAST, *map(str, arguments)]) == 0
     assert [estimate["frame"] for estimate in lines(out)] == list(range(FRAMES))
     told = lines(events)
