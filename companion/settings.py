@@ -121,6 +121,10 @@ class SyncSettings:
     velocity_max_age_s: Annotated[
         float, Limits(0.02, 2, "s", "oldest velocity that is used for an exposure")
     ] = 0.25
+    velocity_delay_s: Annotated[
+        float,
+        Limits(0, 0.05, "s", "how old a velocity is when it is stamped: half a loop of the autopilot's"),
+    ] = 0.001
     velocity_span_s: Annotated[
         float, Limits(0, 1, "s", "how far back velocities are carried on by the accelerometer; 0: not at all")
     ] = 0.2

@@ -57,6 +57,7 @@ class VelocityBuffer:
         self._max_age_us = round(settings.velocity_max_age_s * 1e6)
         self._max_gap_us = settings.gyro_max_gap_s * 1e6
         self._span_us = round(settings.velocity_span_s * 1e6)
+        self._age_us = round(settings.velocity_delay_s * 1e6)
         self._first_delay_s = settings.accelerometer_delay_s
         self._attitudes = attitudes
         self.clear()
@@ -90,7 +91,7 @@ class VelocityBuffer:
 
     def add_velocity(self, boot_us: int, velocity: Vector3) -> bool:
         """Take one velocity (m/s, NED); False if it does not come after the newest one."""
-        told = self._told
+        told, boot_us = self._told, boot_us - self._age_us
         if told and boot_us <= told[-1][0]:
             return False
         if told and self._jumped(boot_us, velocity):
