@@ -32,6 +32,11 @@ class Corners:
         self._cell = (row[:, None] * self._cols + column).ravel()
         self._open, self._members = self._places()
 
+    @property
+    def cells(self) -> int:
+        """How many cells the grid has."""
+        return self._rows * self._cols
+
     def cell_of(self, pixels: NDArray[np.float32]) -> NDArray[np.int64]:
         """The grid's cell, row by row, of each pixel (n, 2) of the image."""
         column, row = pixels.astype(np.int64).T
@@ -39,7 +44,7 @@ class Corners:
 
     def occupied(self, pixels: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Which cells hold one of the pixels (n, 2), row by row."""
-        cells = np.zeros(self._rows * self._cols, bool)
+        cells = np.zeros(self.cells, bool)
         cells[self.cell_of(pixels)] = True
         return cells
 
@@ -66,8 +71,8 @@ class Corners:
         members = self._members.take(free, 0)
         among = strength.ravel().take(members)
         among *= ~beside.ravel().take(members)
-        best = among.argmax(axis=1)[:, None]
-        value, place = np.take_along_axis(among, best, 1)[:, 0], np.take_along_axis(members, best, 1)[:, 0]
+        best = among.argmax(axis=1) + np.arange(len(free)) * members.shape[1]
+        value, place = among.ravel().take(best), members.ravel().take(best)
         # the match's standard deviation along the weak direction must be bearable
         limit = (o.grey_noise / (o.window_px * o.corner_max_std_px)) ** 2
         found = (value > limit).nonzero()[0]

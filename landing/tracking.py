@@ -8,6 +8,7 @@ gap between two frames without tracking again.
 
 import math
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -84,7 +85,8 @@ class FeatureTracker:
         self._texture = Texture(camera, options)
         self._corners = Corners(camera, options)
         self._twin_columns = math.ceil(camera.width / options.twin_px)
-        self._oldest = np.zeros(self._twin_columns * math.ceil(camera.height / options.twin_px), np.int64)
+        twin_cells = self._twin_columns * math.ceil(camera.height / options.twin_px)
+        self._oldest = np.zeros(max(twin_cells, self._corners.cells), np.int64)
 
     def reset(self) -> None:
         """Forget all tracks: the next frame starts anew."""
@@ -290,22 +292,24 @@ class FeatureTracker:
 
     def _thin_out(self) -> None:
         """Keep the oldest track of each cell, to make room where there is none."""
-        slots = np.flatnonzero(self.alive)
-        slots = slots[np.argsort(self.born[slots], kind="stable")]
-        _, first = np.unique(self._corners.cell_of(self.pixels[slots]), return_index=True)
-        extra = np.ones(len(slots), bool)
-        extra[first] = False
-        self.alive[slots[extra]] = False
+        self._keep_oldest(self._corners.cell_of)
 
     def _drop_twins(self) -> None:
         """Of tracks that have run into one another keep the oldest."""
+        self._keep_oldest(self._twin_cell)
+
+    def _twin_cell(self, pixels: NDArray[np.float32]) -> NDArray[np.int64]:
+        place = (pixels / self.options.twin_px).astype(np.int64)
+        return np.asarray(place[:, 1] * self._twin_columns + place[:, 0])
+
+    def _keep_oldest(self, cell_of: Callable[[NDArray[np.float32]], NDArray[np.int64]]) -> None:
+        """Of the tracks in each cell keep the oldest."""
         slots = self.alive.nonzero()[0]
         slots = slots.take(self.born.take(slots).argsort(kind="stable"))
-        place = (self.pixels.take(slots, 0) / self.options.twin_px).astype(np.int64)
-        place = place[:, 1] * self._twin_columns + place[:, 0]
+        cell = cell_of(self.pixels.take(slots, 0))
         # the youngest is written first, the oldest last
-        self._oldest[place[::-1]] = slots[::-1]
-        self.alive[slots.compress(self._oldest.take(place) != slots)] = False
+        self._oldest[cell[::-1]] = slots[::-1]
+        self.alive[slots.compress(self._oldest.take(cell) != slots)] = False
 
 
 def _larger(way: NDArray[Any]) -> NDArray[Any]:

@@ -183,3 +183,13 @@ def test_faint_things_on_strong_texture_hold_tracks(ground: np.ndarray):
         place = found.pixels[found.alive] - MIDDLE - (dx, 0) + 256
         held.append(((place > low) & (place < high)).all(axis=1).mean())
     assert min(held) > 0.5 * ((high - low) / SIZE) ** 2
+
+
+def test_of_tracks_that_run_into_one_another_the_oldest_is_kept(ground: np.ndarray):
+    """Twins are looked for as the reference is renewed: then one old track is left of those within 50 pixels."""
+    found = tracker(twin_px=50.0)
+    for k in range(8):
+        found.step(picture(ground, 8.0 * k, 0))
+    old = found.alive & (found.born < found._reference_frame)
+    assert 0 < old.sum() <= 16
+    assert found.alive.sum() > 50
