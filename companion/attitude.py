@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.settings import SyncSettings
-from drivers.samples import Attitude
+from drivers.samples import Attitude, Vector3
 from landing.rotations import exp_so3, log_so3, matrix_from_euler
 
 KEEP_US = 4_000_000
@@ -19,7 +19,6 @@ SWING_S = 0.5
 """Time constant of the turn rate's mean and variance."""
 
 Vector = NDArray[np.float64]
-Vector3 = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,12 +146,10 @@ class AttitudeBuffer:
         if k < len(times):
             b = self._attitudes[k]
             share = (boot_us - times[k - 1]) / (times[k] - times[k - 1])
-        return _turned(
-            a.roll + share * math.remainder(b.roll - a.roll, math.tau),
-            a.pitch + share * (b.pitch - a.pitch),
-            a.yaw + share * math.remainder(b.yaw - a.yaw, math.tau),
-            vector,
-        )
+        roll = a.roll + share * math.remainder(b.roll - a.roll, math.tau)
+        yaw = a.yaw + share * math.remainder(b.yaw - a.yaw, math.tau)
+        x, y, z = (matrix_from_euler(roll, a.pitch + share * (b.pitch - a.pitch), yaw) @ vector).tolist()
+        return x, y, z
 
     def _rates(self, start_us: int, end_us: int) -> list[tuple[int, Vector]] | None:
         """Turn rates from start to end; None where the gyro tells nothing inside or does not reach near the ends.
@@ -205,16 +202,6 @@ class AttitudeBuffer:
 
     def _tilt_std(self, moment_std_s: float) -> float:
         return math.sqrt(self._tilt_rate2) * math.hypot(moment_std_s, self._s.attitude_delay_std_s)
-
-
-def _turned(roll: float, pitch: float, yaw: float, vector: Vector3) -> Vector3:
-    x, y, z = vector
-    c, s = math.cos(roll), math.sin(roll)
-    y, z = c * y - s * z, s * y + c * z
-    c, s = math.cos(pitch), math.sin(pitch)
-    x, z = c * x + s * z, c * z - s * x
-    c, s = math.cos(yaw), math.sin(yaw)
-    return c * x - s * y, s * x + c * y, z
 
 
 def _turn_rate(attitude: Attitude) -> Vector:

@@ -16,10 +16,7 @@ from numpy.typing import NDArray
 
 from companion.attitude import AttitudeBuffer
 from companion.settings import SyncSettings
-
-Vector3 = tuple[float, float, float]
-
-GRAVITY = 9.80665
+from drivers.samples import GRAVITY, Vector3
 
 KEPT = 128
 """Messages kept of each kind: a second of samples at 100 Hz, which is more than anything here looks back."""
@@ -66,12 +63,12 @@ class VelocityBuffer:
         """Forget everything, as after a reboot."""
         self._told: deque[tuple[int, Vector3]] = deque(maxlen=KEPT)
         self._times: deque[int] = deque(maxlen=KEPT)
-        self._felt: deque[Vector3] = deque(maxlen=KEPT)
+        self._filtered: deque[Vector3] = deque(maxlen=KEPT)
         """Accelerations (m/s^2, NED) as the filter lets them through."""
         self._summed: Vector3 = (0.0, 0.0, 0.0)
         self._gained: deque[Vector3] = deque(maxlen=KEPT)
         """What the accelerometer adds up to, the filter undone: the velocity but for a constant and a drift."""
-        self._goes_on: Vector3 = (0.0, 0.0, 0.0)
+        self._extrapolated: Vector3 = (0.0, 0.0, 0.0)
         self._bias: Vector3 = (0.0, 0.0, 0.0)
         self._seen = self._compared = 0
         self._straight2 = self._carried2 = 0.0
@@ -94,7 +91,7 @@ class VelocityBuffer:
         told, boot_us = self._told, boot_us - self._age_us
         if told and boot_us <= told[-1][0]:
             return False
-        if told and self._jumped(boot_us, velocity):
+        if told and self.carried and self._jumped(boot_us, velocity):
             told.clear()
         told.append((boot_us, velocity))
         self._compare()
@@ -109,21 +106,21 @@ class VelocityBuffer:
         turned = self._attitudes.to_ned(boot_us - round(delay_s * 1e6), force)
         if turned is None:
             return True
-        felt = (turned[0], turned[1], turned[2] + GRAVITY)
+        filtered = (turned[0], turned[1], turned[2] + GRAVITY)
         change: Vector3 = (0.0, 0.0, 0.0)
         if not times or boot_us - times[-1] > self._max_gap_us:
             times.clear()
-            self._felt.clear()
+            self._filtered.clear()
             self._gained.clear()
         else:
-            before, step_s = self._felt[-1], (boot_us - times[-1]) * 1e-6
-            self._summed = _sum(self._summed, _sum(felt, before), 0.5 * step_s)
-            change = _sum(felt, before, -1.0)
+            before, step_s = self._filtered[-1], (boot_us - times[-1]) * 1e-6
+            self._summed = _sum(self._summed, _sum(filtered, before), 0.5 * step_s)
+            change = _sum(filtered, before, -1.0)
             change = (change[0] / step_s, change[1] / step_s, change[2] / step_s)
         times.append(boot_us)
-        self._felt.append(felt)
-        self._goes_on = _sum(felt, change, delay_s)
-        self._gained.append(_sum(_sum(self._summed, felt, delay_s), change, delay_s * delay_s / 2))
+        self._filtered.append(filtered)
+        self._extrapolated = _sum(filtered, change, delay_s)
+        self._gained.append(_sum(_sum(self._summed, filtered, delay_s), change, delay_s * delay_s / 2))
         return True
 
     def complete(self, boot_us: int) -> bool:
@@ -165,7 +162,7 @@ class VelocityBuffer:
             return None
         k = bisect_right(times, boot_us)
         if k == len(times):
-            return _sum(gained[-1], self._goes_on, (boot_us - times[-1]) * 1e-6)
+            return _sum(gained[-1], self._extrapolated, (boot_us - times[-1]) * 1e-6)
         share = (boot_us - times[k - 1]) / (times[k] - times[k - 1])
         return _sum(gained[k - 1], _sum(gained[k], gained[k - 1], -1.0), share)
 
@@ -231,22 +228,22 @@ class VelocityBuffer:
             return
         from_us, before = self._told[k]
         gain = self._gain(from_us, at_us)
-        felt = self._felt_at(from_us), self._felt_at(at_us)
-        if gain is None or felt[0] is None or felt[1] is None:
+        filtered = self._filtered_at(from_us), self._filtered_at(at_us)
+        if gain is None or filtered[0] is None or filtered[1] is None:
             return
         span_s = (at_us - from_us) * 1e-6
         wrong = _sum(_sum(velocity, before, -1.0), gain, -1.0)
         # the vertical alone: errors of the attitude, which come late as well, do not reach it
-        slope = felt[1] - felt[0]
+        slope = filtered[1] - filtered[0]
         keep = math.exp(-interval_s / DELAY_MEMORY_S)
         self._delay_sr = keep * self._delay_sr + slope * (wrong[2] + slope * self.delay_s)
         self._delay_ss = keep * self._delay_ss + slope * slope
         self._bias = _sum(self._bias, wrong, -math.expm1(-interval_s / BIAS_S) / span_s)
 
-    def _felt_at(self, boot_us: int) -> float | None:
+    def _filtered_at(self, boot_us: int) -> float | None:
         """The sample of the acceleration downwards next behind a moment."""
         k = bisect_left(self._times, boot_us)
-        return self._felt[k][2] if 0 < k < len(self._times) else None
+        return self._filtered[k][2] if 0 < k < len(self._times) else None
 
 
 def _sum(a: Vector3, b: Vector3, factor: float = 1.0) -> Vector3:

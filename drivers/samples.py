@@ -10,6 +10,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+Vector3 = tuple[float, float, float]
+
+GRAVITY = 9.80665
+"""Standard gravity, m/s^2."""
+
 
 @dataclass(frozen=True, slots=True)
 class Frame:
@@ -44,8 +49,8 @@ class Imu:
 
     arrival_us: int
     boot_us: int
-    rate: tuple[float, float, float]
-    force: tuple[float, float, float] | None = None
+    rate: Vector3
+    force: Vector3 | None = None
     source: str = "RAW_IMU"
 
 
@@ -55,8 +60,8 @@ class Velocity:
 
     arrival_us: int
     boot_us: int
-    position_ned: tuple[float, float, float]
-    velocity_ned: tuple[float, float, float]
+    position_ned: Vector3
+    velocity_ned: Vector3
 
 
 @dataclass(frozen=True, slots=True)

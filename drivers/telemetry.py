@@ -8,6 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from drivers.flight_modes import AUTOPILOTS, mode_name
 from drivers.samples import (
+    GRAVITY,
     Attitude,
     ClockOffset,
     CommandAnswer,
@@ -17,12 +18,11 @@ from drivers.samples import (
     RcChannels,
     Refusal,
     Sample,
+    Vector3,
     Velocity,
 )
 
-Vector3 = tuple[float, float, float]
-
-MILLI_G = 9.80665e-3
+MILLI_G = GRAVITY * 1e-3
 HALF_MS_US = 500
 """Boot times in milliseconds are cut off, not rounded; samples carry the middle of the millisecond."""
 

@@ -8,18 +8,16 @@ from landing.camera import CameraModel
 from landing.options import TrackingOptions
 from landing.texture import BLOCK, MIDDLE, Tensor, block_of
 
-_CELLS = 1.06
-"""Cells of the grid over the tracks that are wanted."""
-
 
 class Corners:
     """Finds corners in the empty cells of a grid over images of one size."""
 
     def __init__(self, camera: CameraModel, options: TrackingOptions) -> None:
         self.camera, self.options = camera, options
-        # about as many cells as tracks: more would leave the faint ones empty, fewer leave tracks unused
-        cell = camera.width * camera.height / (_CELLS * options.max_features)
-        self.cell_px = max(8, round(cell**0.5))
+        # no more cells than tracks, or strong texture would leave the faint cells without one
+        self.cell_px = 8
+        while (camera.height // self.cell_px) * (camera.width // self.cell_px) > options.max_features:
+            self.cell_px += 1
         self._rows, self._cols = camera.height // self.cell_px, camera.width // self.cell_px
         top = (camera.height - self._rows * self.cell_px) // 2
         left = (camera.width - self._cols * self.cell_px) // 2
@@ -76,7 +74,7 @@ class Corners:
         # the match's standard deviation along the weak direction must be bearable
         limit = (o.grey_noise / (o.window_px * o.corner_max_std_px)) ** 2
         found = (value > limit).nonzero()[0]
-        # where the fewest tracks are about: strong texture would take all places, and faint things hold none
+        # of tracks of one age that run into one another the first stays: let it be the one with fewer about
         held = occupied.reshape(self._rows, self._cols).astype(np.float32)
         around = cv2.boxFilter(held, -1, (3, 3), borderType=cv2.BORDER_REPLICATE).ravel()
         crowd = around.take(self._open).take(free)

@@ -57,11 +57,11 @@ class Texture:
         )
 
     def about(self, tensor: Tensor, pixels: NDArray[np.float32]) -> tuple[Array, Array]:
-        """``whitener`` (3, n) as in ``TrackPair`` and ``leaning`` (2, 4, n) px for the windows about pixels (n, 2).
+        """``whitener`` (3, n) as in ``TrackPair`` and ``bias`` (2, 4, n) px for the windows about pixels (n, 2).
 
         Where a patch deforms by A, a search for a shift alone ends J^-1 sum(g g^T A x) off, x from the window's middle,
         g the gradient, J = sum(g g^T): the normal equations of Lucas and Kanade with A x in the place of a noise. That
-        is nothing when the texture is spread evenly and most of A x when it lies at one side. ``leaning`` is what each
+        is nothing when the texture is spread evenly and most of A x when it lies at one side. ``bias`` is what each
         element of A does, row by row.
         """
         x, y = block_of(pixels, self.camera)
@@ -73,7 +73,7 @@ class Texture:
         total, along_x, along_y = np.stack(
             [np.dot(t.ravel().take(places), self._sums).T for t in tensor], 1
         ).astype(np.float64)
-        return self._whitener(total), self._leaning(total, along_x, along_y)
+        return self._whitener(total), self._bias(total, along_x, along_y)
 
     def _whitener(self, tensor: Array) -> Array:
         o = self.options
@@ -92,7 +92,7 @@ class Texture:
         out *= self.camera.focal_px
         return out
 
-    def _leaning(self, tensor: Array, along_x: Array, along_y: Array) -> Array:
+    def _bias(self, tensor: Array, along_x: Array, along_y: Array) -> Array:
         # along an edge nothing is known: there a pixel of doubt holds it
         doubt = (self.options.grey_noise / self.options.window_px) ** 2
         xx, xy, yy = tensor[0] + doubt, tensor[1], tensor[2] + doubt

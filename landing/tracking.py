@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from landing.camera import CameraModel
 from landing.corners import Corners
-from landing.homography import Warp, apply, least_squares, stretch
+from landing.homography import apply, least_squares
 from landing.options import TrackingOptions
+from landing.reference import Reference
 from landing.texture import Texture, structure_tensor
 
 Points = NDArray[np.float64]
@@ -27,9 +28,6 @@ Image = NDArray[Any]
 
 _CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 0.01)
 _VECTOR = 8
-_STEP_PX = 4.0
-_BESIDE = np.array(((_STEP_PX, 0.0), (0.0, _STEP_PX)), np.float32)
-"""Steps to the right and down by which a deformation is told."""
 _GUESS = cv2.OPTFLOW_USE_INITIAL_FLOW | cv2.OPTFLOW_LK_GET_MIN_EIGENVALS
 """Without the second flag OpenCV works out an error of each match that nobody reads: half of its time."""
 
@@ -71,17 +69,7 @@ class FeatureTracker:
         self.refused = 0
         self.images: deque[Image] = deque(maxlen=self.IMAGES)
         """The last pictures as they were matched, the newest first."""
-        self._warp = Warp(camera)
-        self._reference: Image | None = None
-        self._reference_frame = -1
-        self._bent: tuple[Image, NDArray[np.float64]] | None = None
-        """The reference bent by a homography, new from reference."""
-        self._reference_px = np.zeros((n, 2), np.float32)
-        self._reference_count = 0
-        self._beside = np.zeros((2, n, 2))
-        """Normalised points a step to the right of the tracks in the reference, and a step below them."""
-        self._leaning = np.zeros((2, 4, n))
-        """How far a deformation puts matches off, as in ``Texture.about``."""
+        self._reference = Reference(camera, options)
         self._texture = Texture(camera, options)
         self._corners = Corners(camera, options)
         self._twin_columns = math.ceil(camera.width / options.twin_px)
@@ -92,7 +80,7 @@ class FeatureTracker:
         """Forget all tracks: the next frame starts anew."""
         self.frame = -1
         self.images.clear()
-        self._reference = self._bent = None
+        self._reference.forget()
         self.alive[:] = False
 
     def step(self, image: Image, new_from_previous: NDArray[np.float64] | None = None) -> None:
@@ -104,9 +92,9 @@ class FeatureTracker:
         image = self._prepared(image)
         self.images.appendleft(image)
         self.frame += 1
-        if self._reference is not None:
-            self._follow(self._reference, image, new_from_previous)
-        if self._reference is None or self._changed():
+        if self._reference.known:
+            self._follow(image, new_from_previous)
+        if not self._reference.known or self._changed():
             self._place(image)
         normalised = self.history[self.frame % self.HISTORY]
         normalised[:] = np.nan
@@ -151,73 +139,29 @@ class FeatureTracker:
             image = cv2.GaussianBlur(image, (5, 5), o.blur_px)
         return image
 
-    def _follow(self, reference: Image, image: Image, new_from_previous: NDArray[np.float64] | None) -> None:
+    def _follow(self, image: Image, new_from_previous: NDArray[np.float64] | None) -> None:
         slots = self.alive.nonzero()[0]
         if not len(slots):
             return
         o = self.options
-        start, last = self._reference_px.take(slots, 0), self.pixels.take(slots, 0)
+        reference, last = self._reference, self.pixels.take(slots, 0)
+        start = reference.pixels.take(slots, 0)
         new_from_reference = self._from_reference(slots, new_from_previous)
         if new_from_reference is None:
-            found, good, inside = self._match(reference, image, start, last, o.levels_unpredicted)
+            found, good, inside = self._match(reference.image, image, start, last, o.levels_unpredicted)
         else:
-            seen = self.history[self._reference_frame % self.HISTORY].take(slots, 0)
+            seen = self.history[reference.frame % self.HISTORY].take(slots, 0)
             there = self.camera.project(apply(new_from_reference, seen)).astype(np.float32)
-            alike, bent_from_reference = self._alike(reference, new_from_reference)
-            if bent_from_reference is not None:
-                start = self.camera.project(apply(bent_from_reference, seen)).astype(np.float32)
-            found, good, inside = self._match(alike, image, start, there, o.levels)
-            found = found - self._put_off(slots, new_from_reference, there, bent_from_reference, start)
+            like = reference.seen_from(slots, seen, there, new_from_reference)
+            found, good, inside = self._match(like.image, image, like.pixels, there, o.levels)
+            found = found - like.bias
             if np.count_nonzero(inside > good) > o.retry_share * len(slots):
                 # the prediction was wrong: search as if there were none
-                self._bent = None
-                start = self._reference_px.take(slots, 0)
-                found, good, inside = self._match(reference, image, start, last, o.levels_unpredicted)
+                reference.forget_warp()
+                found, good, inside = self._match(reference.image, image, start, last, o.levels_unpredicted)
         self.refused += int(np.count_nonzero(inside > good))
         self.pixels[slots] = found
         self.alive[slots] = good
-
-    def _alike(
-        self, reference: Image, new_from_reference: NDArray[np.float64]
-    ) -> tuple[Image, NDArray[np.float64] | None]:
-        """The reference as the plane seen last turns and stretches it, and the homography it was bent by, if it was.
-
-        A bent reference serves as long as patches look alike to ``warp_from_px`` at their edges.
-        """
-        o = self.options
-        limit = o.warp_from_px / (o.window_px / 2)
-        if stretch(new_from_reference) <= limit:
-            return reference, None
-        if self._bent is not None and stretch(new_from_reference @ np.linalg.inv(self._bent[1])) <= limit:
-            return self._bent
-        self._bent = self._warp(reference, new_from_reference), new_from_reference
-        return self._bent
-
-    def _put_off(
-        self,
-        slots: NDArray[np.intp],
-        new_from_reference: Points,
-        there: Image,
-        bent_from_reference: Points | None,
-        start: Image,
-    ) -> Image:
-        """How far (n, 2) px matches are off since patches deform between ``start`` (n, 2) and ``there`` (n, 2)."""
-        beside = self._beside.take(slots, 1).reshape(-1, 2)
-        deformed = self._steps(new_from_reference, beside, there)
-        deformed -= (
-            _BESIDE[..., None]
-            if bent_from_reference is None
-            else self._steps(bent_from_reference, beside, start)
-        )
-        # (x, y of the way, step right or down, n): rows of the deformation
-        deformation = deformed.transpose(1, 0, 2).reshape(4, -1)
-        off = (self._leaning.take(slots, 2) * deformation).sum(axis=1) / _STEP_PX
-        return np.asarray(off.T, np.float32)
-
-    def _steps(self, there_from_reference: Points, beside: Points, there: Image) -> Points:
-        """Where the steps to the right and down (2, 2, n) px go, from ``there`` (n, 2)."""
-        moved = self.camera.project(apply(there_from_reference, beside)).reshape(2, -1, 2) - there
-        return np.asarray(moved.transpose(0, 2, 1))
 
     def _from_reference(
         self, slots: NDArray[np.intp], new_from_previous: NDArray[np.float64] | None
@@ -225,9 +169,9 @@ class FeatureTracker:
         """Homography to this frame from the reference: what the tracks did so far, then the prediction."""
         if new_from_previous is None or len(slots) < self.options.warp_min_tracks:
             return None
-        if self._reference_frame == self.frame - 1:
+        if self._reference.frame == self.frame - 1:
             return new_from_previous
-        seen = self.history[self._reference_frame % self.HISTORY].take(slots, 0)
+        seen = self.history[self._reference.frame % self.HISTORY].take(slots, 0)
         previous = self.history[(self.frame - 1) % self.HISTORY].take(slots, 0)
         previous_from_reference = least_squares(seen, previous)
         return None if previous_from_reference is None else new_from_previous @ previous_from_reference
@@ -261,11 +205,11 @@ class FeatureTracker:
         """Whether so much of the view is new that corners must be added."""
         o = self.options
         count = int(np.count_nonzero(self.alive))
-        if not count or count < o.renew_below * self._reference_count:
+        if not count or count < o.renew_below * self._reference.count:
             return True
-        if self.frame - self._reference_frame >= o.renew_after_frames:
+        if self.frame - self._reference.frame >= o.renew_after_frames:
             return True
-        moved = _larger((self.pixels - self._reference_px).compress(self.alive, 0))
+        moved = _larger((self.pixels - self._reference.pixels).compress(self.alive, 0))
         moved.partition(count // 2)
         return float(moved[count // 2]) > o.renew_after_cells * self._corners.cell_px
 
@@ -281,14 +225,8 @@ class FeatureTracker:
         self.alive[free] = True
         self.born[free] = self.frame
         slots = self.alive.nonzero()[0]
-        if len(slots):
-            pixels = self.pixels.take(slots, 0)
-            self.whitener[:, slots], self._leaning[..., slots] = self._texture.about(tensor, pixels)
-            beside = (pixels + _BESIDE[:, None]).reshape(-1, 2)
-            self._beside[:, slots] = self.camera.undistort(beside).reshape(2, -1, 2)
-        self._reference, self._reference_frame, self._bent = image, self.frame, None
-        self._reference_px[:] = self.pixels
-        self._reference_count = len(slots)
+        self.whitener[:, slots], bias = self._texture.about(tensor, self.pixels.take(slots, 0))
+        self._reference.renew(image, self.frame, self.pixels, slots, bias)
 
     def _thin_out(self) -> None:
         """Keep the oldest track of each cell, to make room where there is none."""

@@ -31,14 +31,14 @@ class _Moved:
     t: Array
     covariance: Array
 
-    def bent(self, acceleration_std: float) -> Array:
+    def accelerated(self, acceleration_std: float) -> Array:
         """The covariance with that of an unknown constant acceleration over height, 1/s^2."""
         bend = self.tau * self.tau * (acceleration_std / 2)
         return self.covariance + bend[:, None] * bend
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class VehicleVelocity:
     """What the vehicle says of its velocity, in camera axes: ``velocity`` (3,) m/s at the newest frame.
 
     ``detour`` (g, 3) m: where the camera was in earlier frames, less where it would have been at that velocity.
@@ -67,7 +67,7 @@ def velocity(
     if guided is not None:
         return guided
     moved = _moved(views, _gaps(views, o.motion_span_s), normal, weight, noise, rotation_std, o)
-    return None if moved is None else newest(moved.tau, moved.t, moved.bent(o.acceleration_std))
+    return None if moved is None else newest(moved.tau, moved.t, moved.accelerated(o.acceleration_std))
 
 
 def _guided(
@@ -82,15 +82,15 @@ def _guided(
     moved = _moved(views, gaps, normal, weight, noise, rotation_std, o)
     if moved is None:
         return None
-    told = Told(*change, o.guided_velocity_std, views.newest.velocity_noise)
+    told = VehicleVelocity(*change, o.guided_velocity_std, views.newest.velocity_noise)
     # the whole way over the longest gap, in heights and in metres
     way = told.detour[-1] - told.velocity * moved.tau[-1]
     square = float(np.dot(way, way))
     per_metre = float(np.dot(way, moved.t[-1])) / square if square > 0 else 0.0
     if per_metre <= 0:
         return None
-    covariance = moved.bent(o.guided_acceleration_std * per_metre)
-    found = newest_told(moved.tau, moved.t, covariance, told, per_metre)
+    covariance = moved.accelerated(o.guided_acceleration_std * per_metre)
+    found = newest_guided(moved.tau, moved.t, covariance, told, per_metre)
     return found[:2] if found[2] <= o.velocity_agreement else None
 
 
@@ -137,8 +137,8 @@ def newest(tau: Array, t: Array, covariance: Array) -> tuple[Array, Array]:
     return -(weighted * t.T).sum(axis=1) / information, information**-0.5
 
 
-def newest_told(
-    tau: Array, t: Array, covariance: Array, told: Told, per_metre: float
+def newest_guided(
+    tau: Array, t: Array, covariance: Array, told: VehicleVelocity, per_metre: float
 ) -> tuple[Array, Array, float]:
     """omega (3,), its standard deviation (3,) and the chi-square of the fit, by generalised least squares.
 
@@ -159,9 +159,12 @@ def newest_told(
         information += kk - vk * vk / vv
         right += kt - vk * vt / vv
         chi_square += tt - vt * vt / vv
-    k = right / information
+    # numbers that no vehicle flies at leave nothing of it
+    k = right / information if information > 0 else 0.0
+    if not k > 0:
+        return np.full(3, math.nan), np.full(3, math.nan), math.inf
     return (
         np.array([w - s * k for w, s in zip(omega, slope, strict=True)]),
         np.sqrt([v + s * s / information + (k * told.noise) ** 2 for v, s in zip(std2, slope, strict=True)]),
-        chi_square - right * k if k > 0 else math.inf,
+        chi_square - right * k,
     )

@@ -9,10 +9,11 @@ import struct
 import time
 from collections.abc import Sequence
 
+from drivers.samples import GRAVITY
 from drivers.simulated import quaternion
 from drivers.simulated.autopilot import SimulatedAutopilot
 from drivers.simulated.rotors import FORWARD, REACTION, RIGHT, QuadX
-from drivers.simulated.vehicle import GRAVITY, AttitudeCommand, Multirotor, RotorCommand
+from drivers.simulated.vehicle import AttitudeCommand, Multirotor, RotorCommand
 
 RATE_HZ = 200
 PATIENCE_S = 60.0

@@ -15,9 +15,10 @@ from companion.flight_result import in_words
 from companion.scenario import parse_scenario
 from companion.simulation import ArduPilot, LiveOptions, fly_live
 from drivers.errors import DriverError
+from drivers.samples import GRAVITY
 from drivers.simulated.ardupilot_json import JsonBackend, parse_servos
 from drivers.simulated.rotors import QuadX
-from drivers.simulated.vehicle import GRAVITY, Multirotor
+from drivers.simulated.vehicle import Multirotor
 
 
 @pytest.fixture

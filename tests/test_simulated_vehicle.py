@@ -8,9 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import DriverError
+from drivers.samples import GRAVITY
 from drivers.simulated import quaternion
 from drivers.simulated.flight_controller import FlightController
-from drivers.simulated.vehicle import GRAVITY, AttitudeCommand, Multirotor, Wind
+from drivers.simulated.vehicle import AttitudeCommand, Multirotor, Wind
 from landing.rotations import matrix_from_euler
 
 DT = 1 / 200

@@ -71,18 +71,18 @@ def test_what_a_deformation_puts_off_is_known(a):
 def test_texture_spread_evenly_is_not_put_off():
     y, x = np.mgrid[:SIZE, :SIZE] - MIDDLE[0]
     even = 128 + 50 * np.cos(0.6 * x) * np.cos(0.6 * y)
-    leaning = about(even)[1][..., 0]
-    assert np.abs(leaning).max() < 0.3
+    bias = about(even)[1][..., 0]
+    assert np.abs(bias).max() < 0.3
     assert np.abs(about(one_sided())[1]).max() > 2.0
 
 
 def test_along_an_edge_nothing_is_invented():
     """A straight edge tells nothing of the way along it: no deformation moves it there."""
     edge = np.where(np.arange(SIZE) > 37, 200.0, 60.0)[None, :] * np.ones((SIZE, 1))
-    leaning = about(edge)[1][..., 0]
-    assert np.abs(leaning[1]).max() < 0.1
+    bias = about(edge)[1][..., 0]
+    assert np.abs(bias[1]).max() < 0.1
     # the edge lies 5 px to the right: a stretch along x moves it by that
-    assert leaning[0, 0] == pytest.approx(5.0, abs=0.6)
+    assert bias[0, 0] == pytest.approx(5.0, abs=0.6)
 
 
 def test_the_more_texture_the_surer_and_never_beyond_the_floor():
@@ -98,7 +98,7 @@ def test_any_window_sums_what_it_covers(window_px: int):
     """Where the tensor is the same everywhere, its sum is the window's area and nothing leans."""
     texture = Texture(CAMERA, TrackingOptions(window_px=window_px))
     same = np.ones((SIZE // 2, SIZE // 2), np.float32)
-    whitener, leaning = texture.about((same, 0 * same, same), MIDDLE[None].astype(np.float32))
+    whitener, bias = texture.about((same, 0 * same, same), MIDDLE[None].astype(np.float32))
     expected = 1 / (OPTIONS.match_std_px**2 + (OPTIONS.grey_noise / window_px) ** 2)
     assert whitener[0, 0] == pytest.approx(expected**0.5 * CAMERA.focal_px)
-    np.testing.assert_allclose(leaning, 0, atol=1e-6)
+    np.testing.assert_allclose(bias, 0, atol=1e-6)

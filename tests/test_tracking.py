@@ -6,7 +6,9 @@ import pytest
 
 from drivers.simulated.textures import texture
 from landing.camera import CameraModel
+from landing.corners import Corners
 from landing.options import EstimatorOptions, TrackingOptions
+from landing.texture import structure_tensor
 from landing.tracking import FeatureTracker
 
 SIZE = 200
@@ -190,6 +192,23 @@ def test_of_tracks_that_run_into_one_another_the_oldest_is_kept(ground: np.ndarr
     found = tracker(twin_px=50.0)
     for k in range(8):
         found.step(picture(ground, 8.0 * k, 0))
-    old = found.alive & (found.born < found._reference_frame)
+    old = found.alive & (found.born < found._reference.frame)
     assert 0 < old.sum() <= 16
     assert found.alive.sum() > 50
+
+
+def test_corners_come_from_the_loneliest_cells_first(ground: np.ndarray):
+    corners = Corners(CAMERA, TrackingOptions())
+    left = np.stack(np.meshgrid(np.arange(14.0, 100.0, 17.0), np.arange(14.0, 190.0, 17.0)), axis=-1)
+    found = corners.find(structure_tensor(picture(ground, 0, 0)), left.reshape(-1, 2).astype(np.float32))
+    assert len(found) > 60
+    assert found[:30, 0].min() > 100
+
+
+@pytest.mark.parametrize("wanted", [20, 60, 150, 600])
+@pytest.mark.parametrize(("width", "height"), [(160, 120), (320, 240), (641, 479), (1280, 720)])
+def test_there_are_no_more_cells_than_tracks(width: int, height: int, wanted: int):
+    camera = CameraModel.from_focal(width, height, 0.8 * width)
+    corners = Corners(camera, TrackingOptions(max_features=wanted))
+    assert corners.cells <= wanted
+    assert corners.cells > 0.7 * wanted or corners.cell_px == 8

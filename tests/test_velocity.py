@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 import synthetic_flow
+from hypothesis import given
+from hypothesis import strategies as st
 
 from landing.options import EstimatorOptions
 from landing.rotations import exp_so3
-from landing.velocity import Told, newest, newest_told, velocity
+from landing.velocity import VehicleVelocity, newest, newest_guided, velocity
 
 RATE_HZ = 30.0
 LEVEL = np.array((0.0, 0.0, 1.0))
@@ -123,10 +125,10 @@ def test_the_velocity_told_is_the_least_squares_solution(gaps: int):
     """Against one system of equations for all three axes: displacements, and omega = k (velocity - error)."""
     rng = np.random.default_rng(gaps)
     tau, per_metre = np.arange(1, gaps + 1) / 10, 0.5
-    told = Told(rng.normal(size=3), rng.normal(0, 0.1, (gaps, 3)), std=0.06, noise=0.01)
+    told = VehicleVelocity(rng.normal(size=3), rng.normal(0, 0.1, (gaps, 3)), std=0.06, noise=0.01)
     t = per_metre * (told.detour - tau[:, None] * told.velocity) + rng.normal(0, 1e-3, (gaps, 3))
     errors = covariances(rng, gaps)
-    omega, std, chi_square = newest_told(tau, t, errors, told, per_metre)
+    omega, std, chi_square = newest_guided(tau, t, errors, told, per_metre)
     rows = np.zeros((3 * gaps + 3, 4))
     observed = np.zeros(3 * gaps + 3)
     covariance = np.eye(3 * gaps + 3) * (per_metre * told.std) ** 2
@@ -164,9 +166,9 @@ def test_displacements_that_tell_nothing_give_no_velocity():
 
 def test_a_velocity_against_its_own_changes_is_refused():
     """The camera went the one way and the vehicle says that it went the other."""
-    tau, told = np.array((0.1, 0.2)), Told(np.array((1.0, 0.0, 0.0)), np.zeros((2, 3)), 0.01, 0.0)
+    tau, told = np.array((0.1, 0.2)), VehicleVelocity(np.array((1.0, 0.0, 0.0)), np.zeros((2, 3)), 0.01, 0.0)
     t = tau[:, None] * (1.0, 0.0, 0.0)
-    assert newest_told(tau, t, np.broadcast_to(1e-6 * np.eye(2), (3, 2, 2)), told, 1.0)[2] == np.inf
+    assert newest_guided(tau, t, np.broadcast_to(1e-6 * np.eye(2), (3, 2, 2)), told, 1.0)[2] == np.inf
 
 
 def test_an_attitude_that_is_off_counts_less_with_a_velocity():
@@ -180,3 +182,12 @@ def test_an_attitude_that_is_off_counts_less_with_a_velocity():
         return abs(off[0] - straight[0])[1]
 
     assert moved(lambda speed, t: speed) < 0.5 * moved(None)
+
+
+@given(st.lists(st.floats(-1e38, 1e38), min_size=3, max_size=3), st.floats(1e-30, 10.0))
+def test_whatever_velocity_is_told_nothing_breaks(said, per_metre: float):
+    """Garbage that a link lets through is a number as well."""
+    tau, told = np.array((0.1, 0.2)), VehicleVelocity(np.array(said), np.zeros((2, 3)), 0.06, 0.0)
+    covariance = np.broadcast_to(1e-6 * np.eye(2), (3, 2, 2))
+    _, _, chi_square = newest_guided(tau, tau[:, None] * (0.1, -0.3, 0.02), covariance, told, per_metre)
+    assert chi_square >= 0 or not np.isfinite(chi_square)

@@ -7,8 +7,9 @@ import math
 from dataclasses import dataclass, field
 
 from drivers.errors import DriverError
+from drivers.samples import GRAVITY
 from drivers.simulated.quaternion import Quaternion, Vector, from_euler
-from drivers.simulated.vehicle import GRAVITY, AttitudeCommand, Multirotor
+from drivers.simulated.vehicle import AttitudeCommand, Multirotor
 from drivers.simulated.velocity_loop import FlightGains, VelocityLoop
 
 MODES = {

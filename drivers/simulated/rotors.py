@@ -3,7 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from drivers.simulated.vehicle import GRAVITY, RotorCommand
+from drivers.samples import GRAVITY
+from drivers.simulated.vehicle import RotorCommand
 
 # ArduCopter's motors 1 to 4: front right, rear left (both turn counterclockwise), front left, rear right (clockwise).
 FORWARD = (1, -1, 1, -1)

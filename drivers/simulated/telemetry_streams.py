@@ -7,6 +7,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from drivers.samples import GRAVITY
 from drivers.simulated.flight_controller import MODES, FlightController
 from drivers.simulated.quaternion import to_euler
 from drivers.simulated.sensors import Sensors
@@ -147,7 +148,7 @@ def _attitude_quaternion(s: TelemetryStreams, boot_s: float) -> Any:
 
 
 def _raw_imu(s: TelemetryStreams, boot_s: float) -> Any:
-    milli_g = [_short(a / 9.80665 * 1e3) for a in s.controller.vehicle.specific_force]
+    milli_g = [_short(a / GRAVITY * 1e3) for a in s.controller.vehicle.specific_force]
     mrad = [_short(r * 1e3) for r in s.sensors.gyro()]
     return mavlink.MAVLink_raw_imu_message(int(boot_s * 1e6), *milli_g, *mrad, 200, 10, 430)
 

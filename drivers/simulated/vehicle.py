@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from drivers.errors import DriverError
+from drivers.samples import GRAVITY
 from drivers.simulated.quaternion import (
     Quaternion,
     Vector,
@@ -20,7 +21,6 @@ from drivers.simulated.quaternion import (
     to_euler,
 )
 
-GRAVITY = 9.80665
 LIFT_OFF = 1.05
 """Vertical thrust over weight at which a standing vehicle leaves the ground."""
 HOP_S = 0.3

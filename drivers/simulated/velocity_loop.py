@@ -3,8 +3,9 @@
 import math
 from dataclasses import dataclass
 
+from drivers.samples import GRAVITY
 from drivers.simulated.quaternion import Vector, from_thrust_and_yaw
-from drivers.simulated.vehicle import GRAVITY, AttitudeCommand, Multirotor
+from drivers.simulated.vehicle import AttitudeCommand, Multirotor
 
 
 @dataclass(frozen=True, slots=True)
