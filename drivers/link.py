@@ -95,8 +95,8 @@ class Link:
 
     def start(self) -> None:
         """Open the ports and begin."""
+        self._forwarder.start()  # first: the vehicle's first bytes are for the others too
         self._port.start()
-        self._forwarder.start()
         self._keeper.start()
 
     def close(self) -> None:

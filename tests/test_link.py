@@ -283,13 +283,16 @@ def test_forward_endpoints_get_every_byte_both_ways(bench) -> None:
         b = bench(forward=(f"udpout:127.0.0.1:{port}",))
         with TestVehicle(b.port) as vehicle:
             wait_for(b.link.vehicle_found.is_set, "vehicle")
-            junk = b"not a frame"
-            vehicle.send_bytes(junk)
-            seen, peer = b"", None
-            while junk not in seen:
-                data, peer = station.recvfrom(65536)
-                seen += data
-            assert b"\xfd" in seen
+            seen, peer = station.recvfrom(65536)  # from the first heartbeat on
+            mav = dialect.MAVLink(None, 1, 1)
+            sent = [b"not a frame", *(bytes(attitude(i).pack(mav)) for i in range(50))]
+            for piece in sent:
+                vehicle.send_bytes(piece)
+            while sent[-1] not in seen:
+                seen += station.recv(65536)
+            places = [seen.find(piece) for piece in sent]
+            assert places == sorted(places)
+            assert places[0] >= 0
             ping = bytes(dialect.MAVLink_ping_message(1, 2, 1, 1).pack(dialect.MAVLink(None, 255, 190)))
             station.sendto(ping, peer)
             wait_for(lambda: ping in list(vehicle.received_raw), "ping at the vehicle")
