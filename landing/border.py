@@ -46,13 +46,15 @@ _NO_SECOND_MAP = np.empty((0, 0), np.float32)
 class Standing:
     """Blocks at a side: their middles (k, 2) px, height over the distance, share of the view's mean square height.
 
-    ``lasting``: the same side stood out in the frame before as well.
+    ``sure``: by ``border_sigmas``, not only by ``border_side_sigmas``. ``lasting``: the same side stood out for
+    sure in the frame before as well.
     """
 
     side: int
     pixels: Array
     height: float
     mean_square: float
+    sure: bool
     lasting: bool = False
 
 
@@ -131,34 +133,46 @@ class Border:
         self._middles = np.array([side.middle for side in self._sides])
         self._middle_rays = np.concatenate([side.middle_ray for side in self._sides])
         self._frame = -2
-        self._came_px = 0.0
+        self._came_px = self._since_px = math.inf
         self._last: set[int] = set()
         self._scatter = 1.0
         self.incoming: set[int] = set()
         """The sides where ground came in at the last step."""
+        self.suspect: Standing | None = None
+        """What may stand out there: a whole side, less surely, or what did so a little before."""
 
     def step(self, views: Views, plane: Plane) -> Standing | None:
         """What surely stands out at the sides of the newest frame, None where nothing does.
 
         After a look that found nothing the next is due when some ground has come in (``border_step_px``).
         """
-        found: list[Standing] = []
-        if self._frame == views.tracker.frame - 1:
-            self._came_px += self._moved_px(views, plane)
-            if not self._last and self._came_px < self.options.border_step_px:
-                self._frame = views.tracker.frame
+        o, follows = self.options, self._frame == views.tracker.frame - 1
+        self._frame = views.tracker.frame
+        if follows:
+            moved_px = self._moved_px(views, plane)
+            self._came_px += moved_px
+            self._since_px += moved_px
+            if self._since_px > o.border_kept_px:
+                self.suspect = None
+            if self.suspect is None and self._came_px < o.border_step_px:
                 return None
         self._came_px = 0.0
         places = self._places(self._before(views, plane, self._gaps(views, plane)))
         self.incoming = {place.side for place in places}
+        found: list[Standing] = []
         for number in self.incoming:
             strips = self._strips(views, [place for place in places if place.side == number])
             found += self._standing(strips)
             self._learn(strips)
-        last = self._last if self._frame == views.tracker.frame - 1 else set()
-        self._frame, self._last = views.tracker.frame, {standing.side for standing in found}
-        most = max(found, key=lambda standing: standing.mean_square, default=None)
-        return None if most is None else replace(most, lasting=most.side in last)
+        sure = [standing for standing in found if standing.sure]
+        last, self._last = self._last if follows else set(), {standing.side for standing in sure}
+        if sure:
+            self._since_px = 0.0
+            most = self.suspect = _largest(sure)
+            return replace(most, lasting=most.side in last)
+        if found:
+            self.suspect = _largest(found if self.suspect is None else [*found, self.suspect])
+        return None
 
     def _moved_px(self, views: Views, plane: Plane) -> float:
         """About how far the view has moved over the ground since the frame before, by displacement and by turning."""
@@ -269,8 +283,11 @@ class Border:
         return _Strips(places, height - common[:, None], information)
 
     def _standing(self, strips: _Strips) -> list[Standing]:
-        """The runs of blocks that stand out for sure, in each strip and of each length the one that adds most."""
-        out = []
+        """The runs of blocks that stand out, in each strip and of each length the one that adds most.
+
+        In a whole side the errors of its blocks even out, and of many runs one is off by chance: less is asked of it.
+        """
+        o, out = self.options, []
         side, blocks = self._sides[strips.places[0].side], strips.height.shape[1]
         both = np.zeros((2, len(strips.places), blocks + 1))
         np.cumsum(strips.information, axis=1, out=both[0, :, 1:])
@@ -278,18 +295,20 @@ class Border:
         for length in {*(min(run, blocks) for run in _RUNS), blocks}:
             total, weighted = both[..., length:] - both[..., :-length]
             total = np.maximum(total, 1e-9)
-            sure = np.abs(weighted) > self.options.border_sigmas * max(self._scatter, 1.0) * np.sqrt(total)
-            if not sure.any():
+            away = np.abs(weighted) / (max(self._scatter, 1.0) * np.sqrt(total))
+            candidates = away > (o.border_side_sigmas if length == blocks else o.border_sigmas)
+            if not candidates.any():
                 continue
-            mean = weighted / total
-            for place, means, candidates in zip(strips.places, mean, sure, strict=True):
-                best = int(np.where(candidates, np.abs(means), 0.0).argmax())
-                if candidates[best]:
+            mean = np.where(candidates, weighted / total, 0.0)
+            for place, means, aways in zip(strips.places, mean, away, strict=True):
+                best = int(np.abs(means).argmax())
+                if means[best]:
                     size = self.camera.width * self.camera.height
                     share = length * _LENGTH * (place.begin + _DEPTH) / size
                     middles = side.middles[place.begin + _DEPTH // 2, best : best + length]
                     square = float(means[best] ** 2) * share
-                    out.append(Standing(place.side, middles, float(means[best]), square))
+                    sure = bool(aways[best] > o.border_sigmas)
+                    out.append(Standing(place.side, middles, float(means[best]), square, sure))
         return out
 
     def _learn(self, strips: _Strips) -> None:
@@ -302,3 +321,7 @@ class Border:
                 away = np.abs(height - np.partition(height, middle)[middle]) * np.sqrt(information[seen])
                 typical = float(np.partition(away, middle)[middle]) * _MEDIAN_TO_STD
                 self._scatter += _LEARNT * (typical - self._scatter)
+
+
+def _largest(found: list[Standing]) -> Standing:
+    return max(found, key=lambda standing: standing.mean_square)

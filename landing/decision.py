@@ -49,6 +49,8 @@ def against_flat(estimate: SurfaceEstimate, options: DecisionOptions, widen: flo
         reasons.append(
             f"{how}too rough: {estimate.roughness:.4f} of the distance, limit {roughness_limit:.4f}"
         )
+    elif estimate.suspicious:
+        reasons.append("perhaps too rough: something may stand out where ground has just come into view")
     else:
         upper = estimate.roughness + o.roughness_sigmas * estimate.roughness_std
         if not upper <= roughness_limit:

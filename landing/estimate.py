@@ -60,6 +60,8 @@ class SurfaceEstimate:
     standing: int = 0
     unsettled: bool = False
     """What makes it rough has just come into view and was not there in the frame before."""
+    suspicious: bool = False
+    """What has just come into view may stand out."""
     unlike: bool = False
     """What has just come into view looks unlike the rest and is not measured yet."""
     flat: bool = False

@@ -181,6 +181,12 @@ class EstimatorOptions:
     border_sigmas: Annotated[
         float, Limits(1, 20, "sigma", "height at the border that stands out, in its own uncertainty")
     ] = 7.0
+    border_side_sigmas: Annotated[
+        float, Limits(1, 20, "sigma", "the same of a whole side, from which nothing is called flat")
+    ] = 5.0
+    border_kept_px: Annotated[
+        float, Limits(0, 100, "px", "motion over which nothing is called flat after something stood out")
+    ] = 10.0
     border_noise: Annotated[
         float, Limits(0.5, 10, "", "error of a block's height over what its pixels say")
     ] = 0.9
@@ -192,7 +198,7 @@ class EstimatorOptions:
         Limits(
             0.05, 10, "", "logarithm of the brightness ratio from which new ground may be another surface"
         ),
-    ] = 0.25
+    ] = 0.15
     border_unlike_sigmas: Annotated[
         float, Limits(1, 20, "sigma", "the same over how much it usually changes there")
     ] = 2.5

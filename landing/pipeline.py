@@ -115,11 +115,12 @@ class SurfacePipeline:
             roll, pitch, _ = euler_from_matrix(observation.ned_from_body)
         relief_ = self.relief.step(self.views, plane)
         unlike: set[int] = set()
-        stands_out = False
+        stands_out = suspicious = False
         if relief_ and relief_.roughness <= self.options.decision.max_roughness:
             within = relief_
             relief_ = self._with_border(relief_, plane)
             stands_out = relief_ is not within
+            suspicious = self._suspicious(relief_)
             unlike = self.unlike.step(observation.image, self.border.incoming)
         unsettled, self._stood_out = stands_out and not self._stood_out, stands_out
         known: dict[str, Any] = {}
@@ -145,6 +146,7 @@ class SurfacePipeline:
             coverage=coverage,
             standing=relief_.standing if relief_ and status == "ok" else 0,
             unsettled=unsettled,
+            suspicious=suspicious,
             unlike=bool(unlike),
             tracks=self._track_view(plane, relief_),
             **known,
@@ -162,6 +164,11 @@ class SurfacePipeline:
             if standing.lasting:
                 self.relief.memory.add(standing.pixels, standing.height)
         return replace(relief_, roughness=math.sqrt(relief_.roughness**2 + more)) if more else relief_
+
+    def _suspicious(self, relief_: Relief) -> bool:
+        """Whether with what may stand at the border it would be too rough."""
+        suspect, limit = self.border.suspect, self.options.decision.max_roughness
+        return suspect is not None and relief_.roughness**2 + suspect.mean_square > limit**2
 
     def _surface(self, observation: Observation, plane: Plane, roll: float, pitch: float) -> dict[str, float]:
         """Fields of the estimate that a plane gives."""

@@ -22,6 +22,8 @@ _DARK = 8.0
 """Grey levels added to both: in the dark a ratio of few levels means nothing."""
 _LEARNT, _LARGEST = 0.02, 2.0
 """Share of a frame in what is usual, and the largest change that is learnt from as it is, over what is usual."""
+_FIRST = 8
+"""What is assumed at first counts as so many frames."""
 
 
 class _Usual:
@@ -31,6 +33,7 @@ class _Usual:
         self._axis, self._far, self._least = axis, far, least
         self._usual = math.nan
         self._scatter = 2 * least
+        self._seen = _FIRST
 
     def step(self, image: Image) -> float:
         """How unusual a picture is, over what is usual (one: as usual)."""
@@ -40,9 +43,11 @@ class _Usual:
         if math.isnan(self._usual):
             self._usual = now
         away = (now - self._usual) / self._scatter
-        self._usual += _LEARNT * max(-_LARGEST, min(_LARGEST, away)) * self._scatter
+        learnt = max(_LEARNT, 1 / self._seen)
+        self._usual += learnt * max(-_LARGEST, min(_LARGEST, away)) * self._scatter
         if abs(away) <= _LARGEST:
-            self._scatter = max(self._least, self._scatter * math.sqrt(1 + _LEARNT * (away * away - 1)))
+            self._seen += 1
+            self._scatter = max(self._least, self._scatter * math.sqrt(1 + learnt * (away * away - 1)))
         return abs(away)
 
 

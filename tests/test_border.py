@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from border_support import CAMERA, HEIGHT, RATE_HZ, RELIEF, STEP_PX, TURNS, WIDTH, pictures
 
-from landing.border import Border, Standing
+from landing.border import Border, Standing, _Before, _Place, _Strips
 from landing.camera import CameraModel
 from landing.observation import Observation
 from landing.options import Options
@@ -77,7 +77,9 @@ def test_what_was_seen_at_the_border_makes_the_view_rough_until_tracks_have_judg
     monkeypatch: pytest.MonkeyPatch,
 ):
     seen = 20
-    standing = Standing(3, np.array(((WIDTH - 2.0, 60.0), (WIDTH - 2.0, 80.0))), 0.2, 0.02**2, lasting=True)
+    standing = Standing(
+        3, np.array(((WIDTH - 2.0, 60.0), (WIDTH - 2.0, 80.0))), 0.2, 0.02**2, True, lasting=True
+    )
     monkeypatch.setattr(
         Border, "step", lambda _, views, plane: standing if views.tracker.frame == seen else None
     )
@@ -92,7 +94,7 @@ def test_what_was_seen_at_the_border_makes_the_view_rough_until_tracks_have_judg
 
 def test_what_stands_out_in_one_frame_alone_is_not_remembered(monkeypatch: pytest.MonkeyPatch):
     seen = 20
-    standing = Standing(3, np.array(((WIDTH - 2.0, 60.0), (WIDTH - 2.0, 80.0))), 0.2, 0.02**2)
+    standing = Standing(3, np.array(((WIDTH - 2.0, 60.0), (WIDTH - 2.0, 80.0))), 0.2, 0.02**2, True)
     monkeypatch.setattr(
         Border, "step", lambda _, views, plane: standing if views.tracker.frame == seen else None
     )
@@ -100,6 +102,48 @@ def test_what_stands_out_in_one_frame_alone_is_not_remembered(monkeypatch: pytes
     for k, image in enumerate(pictures(None, 0)[: seen + 3]):
         flat.append(pipeline.step(Observation(k, k / RATE_HZ, image, np.eye(3), 1e-5)).flat)
     assert flat[-4:] == [True, False, True, True]
+
+
+def suspects(monkeypatch: pytest.MonkeyPatch, stands: set[int], sure: bool) -> tuple[list[bool], list[str]]:
+    """Whether each frame of level ground is flat, and why not, when a side is said to stand out at some frames."""
+    look = Border._standing
+    frame = 0
+
+    def standing(border: Border, strips: object) -> list[Standing]:
+        found = look(border, strips)  # type: ignore[arg-type]
+        return [*found, Standing(3, np.zeros((1, 2)), 0.2, 0.02**2, sure)] if frame in stands else found
+
+    monkeypatch.setattr(Border, "_standing", standing)
+    pipeline, flat, why = SurfacePipeline(CAMERA, Options()), [], []
+    for frame, image in enumerate(pictures(None, 0)):
+        estimate = pipeline.step(Observation(frame, frame / RATE_HZ, image, np.eye(3), 1e-5))
+        flat.append(estimate.flat)
+        why += estimate.against_flat if frame > 28 else ()
+    return flat[27:], why
+
+
+def test_after_something_stood_out_nothing_is_flat_until_ground_has_passed(monkeypatch: pytest.MonkeyPatch):
+    """At 4 px a frame 10 px have passed in the third frame after it."""
+    flat, why = suspects(monkeypatch, {28}, sure=True)
+    assert flat[:6] == [True, False, False, False, True, True]
+    assert why[:2] == 2 * ["perhaps too rough: something may stand out where ground has just come into view"]
+
+
+def test_a_side_that_may_stand_out_is_not_flat_while_it_does(monkeypatch: pytest.MonkeyPatch):
+    flat, _ = suspects(monkeypatch, {28, 30}, sure=False)
+    assert flat[:6] == [True, False, True, False, True, True]
+
+
+@pytest.mark.parametrize(("away", "sure"), [(4.5, []), (6.0, [False]), (8.0, [True])])
+def test_a_whole_side_is_suspected_before_it_is_sure(away: float, sure: list[bool]):
+    """Of blocks that all stand out alike a run knows less than the side, and it takes ``border_sigmas`` to count."""
+    border, sigma = Border(Options().estimator, CAMERA), 0.01
+    blocks = border._sides[3].blocks
+    place = _Place(3, 4, _Before(1, np.eye(3), np.eye(3)), np.zeros((2, blocks, 2), np.float32))
+    height = np.full((1, blocks), away * sigma / np.sqrt(blocks))
+    found = border._standing(_Strips([place], height, np.full((1, blocks), 1 / sigma**2)))
+    assert [standing.sure for standing in found] == sure
+    assert all(len(standing.pixels) == blocks for standing in found)
 
 
 def test_blocks_that_scatter_ask_for_more(monkeypatch: pytest.MonkeyPatch):

@@ -61,6 +61,10 @@ def test_flat_has_nothing_against_it():
             "perhaps too rough: 0.0200 of the distance, limit 0.0100",
         ),
         (
+            {"suspicious": True},
+            "perhaps too rough: something may stand out where ground has just come into view",
+        ),
+        (
             {"unlike": True},
             "perhaps another surface: what comes into view is unlike the rest and not measured yet",
         ),

@@ -37,6 +37,15 @@ def test_another_brightness_is_told_at_its_side(side: str, factor: float):
     assert unlike.step(shaded(last, side, 8, factor), ALL) == {NUMBER[side]}
 
 
+def test_a_flight_that_begins_near_an_edge_is_told_of_it():
+    """Ten frames are enough: what is usual need not be learnt for seconds first."""
+    unlike = Unlike(OPTIONS.estimator, CAMERA)
+    *usual, last = pictures(None, 0)[:11]
+    for image in usual:
+        assert unlike.step(image, ALL) == set()
+    assert unlike.step(shaded(last, "top", 8, 0.75), ALL) == {NUMBER["top"]}
+
+
 def test_vignetting_is_usual_and_so_are_changes_of_the_light():
     unlike = Unlike(OPTIONS.estimator, CAMERA)
     y, x = np.mgrid[: CAMERA.height, : CAMERA.width]
