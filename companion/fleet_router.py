@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from companion.errors import LandslopeError
+from drivers.bus import IMPORTANT_QUEUE
 
 HEAD = """\
 // A zenoh router for a fleet: everybody shows a certificate, a vehicle can write only under its own name,
@@ -69,13 +70,14 @@ def router_config(
         "scouting": {"multicast": {"enabled": False}},
         "transport": {
             "link": {
+                "tx": IMPORTANT_QUEUE,
                 "tls": {
                     "root_ca_certificate": f"{certificates}/ca.pem",
                     "listen_certificate": f"{certificates}/router.pem",
                     "listen_private_key": f"{certificates}/router.key",
                     "enable_mtls": True,
                     "close_link_on_expiration": True,
-                }
+                },
             }
         },
         "access_control": access_control(vehicles, watchers),
@@ -91,13 +93,14 @@ def client_config(name: str, connect: str, certificates: str) -> dict[str, Any]:
         "scouting": {"multicast": {"enabled": False}},
         "transport": {
             "link": {
+                "tx": IMPORTANT_QUEUE,
                 "tls": {
                     "root_ca_certificate": f"{certificates}/ca.pem",
                     "connect_certificate": f"{certificates}/{name}.pem",
                     "connect_private_key": f"{certificates}/{name}.key",
                     "enable_mtls": True,
                     "verify_name_on_connect": True,
-                }
+                },
             }
         },
     }

@@ -29,6 +29,9 @@ CONFIGURATION = "configuration"
 DECISION = "decision"
 IMPORTANT = frozenset({DECISION, "event"})
 CONNECT_TIMEOUT_MS = 2000
+IMPORTANT_QUEUE = {"queue": {"size": {"interactive_high": 16}}}
+"""Of decisions and events: batches of 64 kB, the most that zenoh takes. By default it has two, and some hundred
+messages put while its threads have no processor are too many."""
 RETRY_S = 1.0
 FIRST_TRY_S = 0.2
 """How long a publisher that may go on without a session waits for it: a router that is there answers sooner."""
@@ -313,6 +316,7 @@ def _config(endpoints: Endpoints) -> zenoh.Config:
         if not endpoints.config_file:
             # Memory shared between processes gains nothing for messages of 1 kB and needs /dev/shm.
             given["transport/shared_memory/enabled"] = False
+            given["transport/link/tx"] = IMPORTANT_QUEUE
         given["scouting/multicast/enabled"] = endpoints.scouting
         given["connect/timeout_ms"] = {"peer": -1, "client": CONNECT_TIMEOUT_MS}
         given["connect/exit_on_failure"] = {"peer": False, "client": True}

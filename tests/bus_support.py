@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from drivers.bus import IMPORTANT_QUEUE
+
 PATIENCE_S = 30.0
 
 ROUTER = """
@@ -19,6 +21,7 @@ config = zenoh.Config()
 config.insert_json5("mode", '"router"')
 config.insert_json5("listen/endpoints", json.dumps([sys.argv[1]]))
 config.insert_json5("scouting/multicast/enabled", "false")
+config.insert_json5("transport/link/tx", sys.argv[2])
 with zenoh.open(config):
     print("ready", flush=True)
     sys.stdin.read()
@@ -36,7 +39,10 @@ def free_endpoint() -> str:
 def router(endpoint: str) -> Iterator[None]:
     """A zenoh router in its own process."""
     process = subprocess.Popen(
-        [sys.executable, "-c", ROUTER, endpoint], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", ROUTER, endpoint, json.dumps(IMPORTANT_QUEUE)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
     )
     try:
         assert process.stdout is not None
