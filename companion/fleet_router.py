@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from companion.errors import LandslopeError
-from drivers.bus import IMPORTANT_QUEUE
+from drivers.bus import IMPORTANT_BATCHES
 
 HEAD = """\
 // A zenoh router for a fleet: everybody shows a certificate, a vehicle can write only under its own name,
@@ -70,7 +70,7 @@ def router_config(
         "scouting": {"multicast": {"enabled": False}},
         "transport": {
             "link": {
-                "tx": IMPORTANT_QUEUE,
+                "tx": {"queue": {"size": {"interactive_high": IMPORTANT_BATCHES}}},
                 "tls": {
                     "root_ca_certificate": f"{certificates}/ca.pem",
                     "listen_certificate": f"{certificates}/router.pem",
@@ -93,14 +93,13 @@ def client_config(name: str, connect: str, certificates: str) -> dict[str, Any]:
         "scouting": {"multicast": {"enabled": False}},
         "transport": {
             "link": {
-                "tx": IMPORTANT_QUEUE,
                 "tls": {
                     "root_ca_certificate": f"{certificates}/ca.pem",
                     "connect_certificate": f"{certificates}/{name}.pem",
                     "connect_private_key": f"{certificates}/{name}.key",
                     "enable_mtls": True,
                     "verify_name_on_connect": True,
-                },
+                }
             }
         },
     }

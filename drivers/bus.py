@@ -3,7 +3,7 @@
 A publisher declares three things beside its messages: the liveliness token ``landslope/<vehicle>/alive``
 and read-only queryables that answer with the newest ``configuration`` and ``decision``. Congestion control
 is DROP throughout: with BLOCK a slow subscriber stalls the publisher for seconds. Decisions and events have
-a queue of their own (a higher priority), so that a burst of estimates cannot push them out.
+a queue of their own (a higher priority), so that a burst of estimates cannot push them out, and room in it.
 """
 
 import contextlib
@@ -29,8 +29,8 @@ CONFIGURATION = "configuration"
 DECISION = "decision"
 IMPORTANT = frozenset({DECISION, "event"})
 CONNECT_TIMEOUT_MS = 2000
-IMPORTANT_QUEUE = {"queue": {"size": {"interactive_high": 16}}}
-"""Of decisions and events: batches of 64 kB, the most that zenoh takes. By default it has two, and some hundred
+IMPORTANT_BATCHES = 16
+"""Room for decisions and events in batches of 64 kB, the most that zenoh takes. By default it has two, and some hundred
 messages put while its threads have no processor are too many."""
 RETRY_S = 1.0
 FIRST_TRY_S = 0.2
@@ -316,7 +316,7 @@ def _config(endpoints: Endpoints) -> zenoh.Config:
         if not endpoints.config_file:
             # Memory shared between processes gains nothing for messages of 1 kB and needs /dev/shm.
             given["transport/shared_memory/enabled"] = False
-            given["transport/link/tx"] = IMPORTANT_QUEUE
+        given["transport/link/tx/queue/size/interactive_high"] = IMPORTANT_BATCHES
         given["scouting/multicast/enabled"] = endpoints.scouting
         given["connect/timeout_ms"] = {"peer": -1, "client": CONNECT_TIMEOUT_MS}
         given["connect/exit_on_failure"] = {"peer": False, "client": True}

@@ -11,18 +11,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from drivers.bus import IMPORTANT_QUEUE
-
 PATIENCE_S = 30.0
 
 ROUTER = """
-import json, sys, zenoh
-config = zenoh.Config()
-config.insert_json5("mode", '"router"')
-config.insert_json5("listen/endpoints", json.dumps([sys.argv[1]]))
-config.insert_json5("scouting/multicast/enabled", "false")
-config.insert_json5("transport/link/tx", sys.argv[2])
-with zenoh.open(config):
+import sys
+from drivers.bus import Endpoints, open_session
+with open_session(Endpoints(mode="router", listen=(sys.argv[1],))):
     print("ready", flush=True)
     sys.stdin.read()
 """
@@ -39,10 +33,7 @@ def free_endpoint() -> str:
 def router(endpoint: str) -> Iterator[None]:
     """A zenoh router in its own process."""
     process = subprocess.Popen(
-        [sys.executable, "-c", ROUTER, endpoint, json.dumps(IMPORTANT_QUEUE)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
+        [sys.executable, "-c", ROUTER, endpoint], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     )
     try:
         assert process.stdout is not None

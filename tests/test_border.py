@@ -78,7 +78,7 @@ def test_what_was_seen_at_the_border_makes_the_view_rough_until_tracks_have_judg
 ):
     seen = 20
     standing = Standing(
-        3, np.array(((WIDTH - 2.0, 60.0), (WIDTH - 2.0, 80.0))), 0.2, 0.02**2, True, lasting=True
+        3, np.array(((WIDTH - 2.0, 60.0), (WIDTH - 2.0, 80.0))), 0.2, 0.02**2, sure=True, lasting=True
     )
     monkeypatch.setattr(
         Border, "step", lambda _, views, plane: standing if views.tracker.frame == seen else None
@@ -94,7 +94,7 @@ def test_what_was_seen_at_the_border_makes_the_view_rough_until_tracks_have_judg
 
 def test_what_stands_out_in_one_frame_alone_is_not_remembered(monkeypatch: pytest.MonkeyPatch):
     seen = 20
-    standing = Standing(3, np.array(((WIDTH - 2.0, 60.0), (WIDTH - 2.0, 80.0))), 0.2, 0.02**2, True)
+    standing = Standing(3, np.array(((WIDTH - 2.0, 60.0), (WIDTH - 2.0, 80.0))), 0.2, 0.02**2, sure=True)
     monkeypatch.setattr(
         Border, "step", lambda _, views, plane: standing if views.tracker.frame == seen else None
     )

@@ -10,7 +10,8 @@ import pytest
 import zenoh
 from bus_support import PATIENCE_S, Watcher, alive, free_endpoint, router
 
-from drivers.bus import CONFIGURATION, DECISION, Bus, Endpoints, Subscription, open_session
+from drivers.bus import CONFIGURATION, DECISION, IMPORTANT_BATCHES, Bus, Endpoints, Subscription, open_session
+from drivers.bus import _config as bus_config
 from drivers.errors import DriverError
 
 
@@ -193,6 +194,14 @@ def test_a_configuration_file_is_taken_and_a_broken_one_refused(tmp_path):
     file.write_text("{listen:")
     with pytest.raises(DriverError, match="not accepted"):
         Bus("kestrel", Endpoints(config_file=str(file)))
+
+
+def test_decisions_and_events_have_room_and_a_files_own_queues_stay(tmp_path):
+    file = tmp_path / "zenoh.json5"
+    file.write_text("{transport: {link: {tx: {queue: {size: {data: 8}}}}}}")
+    for given, data in ((Endpoints(), 2), (Endpoints(config_file=str(file)), 8)):
+        size = json.loads(bus_config(given).get_json("transport/link/tx/queue/size"))
+        assert (size["interactive_high"], size["data"]) == (IMPORTANT_BATCHES, data)
 
 
 def test_messages_are_json_and_may_be_dropped():

@@ -283,7 +283,7 @@ def test_forward_endpoints_get_every_byte_both_ways(bench) -> None:
         b = bench(forward=(f"udpout:127.0.0.1:{port}",))
         with TestVehicle(b.port) as vehicle:
             wait_for(b.link.vehicle_found.is_set, "vehicle")
-            seen, peer = station.recvfrom(65536)  # from the first heartbeat on
+            seen, peer = station.recvfrom(65536)  # its endpoint is open: from here on all must come
             mav = dialect.MAVLink(None, 1, 1)
             sent = [b"not a frame", *(bytes(attitude(i).pack(mav)) for i in range(50))]
             for piece in sent:
