@@ -184,5 +184,5 @@ def _against_flow(outcomes: list[Outcome], out: Path) -> str:
         axis.loglog(flows, [e.median for e in pooled], "o-", color=colour, label=f"{method}, median")
         axis.loglog(flows, [e.p95 for e in pooled], "o:", color=colour, label=f"{method}, p95", mfc="white")
     axis.set(xlabel="ventral flow, 1/frame", ylabel="slope error, deg")
-    axis.legend(frameon=False)
+    figure.legend(loc="outside upper center", frameon=False, ncols=2)
     return save(figure, out, "fig5_flow.png")
