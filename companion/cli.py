@@ -5,39 +5,39 @@ import importlib
 import importlib.metadata
 import sys
 
-from companion.closed_pipe import discard_output
+from companion.commands.closed_pipe import discard_output
 from companion.errors import LandslopeError
 from drivers.errors import DriverError
-from drivers.process_memory import keep_freed_memory
+from drivers.system.process_memory import keep_freed_memory
 from landing.errors import LandingError
 
 COMMANDS = {
-    "run": ("companion.run_command", "the daemon: live camera and autopilot in, estimates and landings out"),
+    "run": ("companion.commands.run", "the daemon: live camera and autopilot in, estimates and landings out"),
     "replay": (
-        "companion.replay_command",
+        "companion.commands.replay",
         "run recorded flights, videos or image folders through the pipeline",
     ),
     "check": (
-        "companion.check_command",
+        "companion.commands.check",
         "say what is wrong with a settings file, or print the settings in force",
     ),
-    "monitor": ("companion.monitor_command", "show vehicles live on a web page or in Foxglove"),
-    "export": ("companion.export_command", "write a recorded flight for the robotics tools (MCAP)"),
-    "schema": ("companion.schema_command", "print the JSON Schema of the messages"),
-    "fleet": ("companion.fleet_command", "measure losses and delay of many vehicles under one zenoh router"),
+    "monitor": ("companion.commands.monitor", "show vehicles live on a web page or in Foxglove"),
+    "export": ("companion.commands.export", "write a recorded flight for the robotics tools (MCAP)"),
+    "schema": ("companion.commands.schema", "print the JSON Schema of the messages"),
+    "fleet": ("companion.commands.fleet", "measure losses and delay of many vehicles under one zenoh router"),
     "experiments": (
-        "companion.experiments_command",
+        "companion.commands.experiments",
         "run the experiments of the method's paper and write a report",
     ),
-    "watch": ("companion.watch_command", "show a vehicle's messages live in the terminal"),
-    "install": ("companion.install_command", "install landslope as a systemd service, or take it off again"),
-    "sim": ("companion.sim_command", "fly a simulated drone over simulated ground, closed loop"),
+    "watch": ("companion.commands.watch", "show a vehicle's messages live in the terminal"),
+    "install": ("companion.commands.install", "install landslope as a systemd service, or take it off again"),
+    "sim": ("companion.commands.sim", "fly a simulated drone over simulated ground, closed loop"),
     "calibrate": (
-        "companion.calibrate_command",
+        "companion.commands.calibrate",
         "calibrate the camera, print a board, measure its time offset",
     ),
-    "benchmark": ("companion.benchmark_command", "measure what a frame costs on this machine"),
-    "doctor": ("companion.doctor_command", "look at camera, link, clocks and disk before a flight"),
+    "benchmark": ("companion.commands.benchmark", "measure what a frame costs on this machine"),
+    "doctor": ("companion.commands.doctor", "look at camera, link, clocks and disk before a flight"),
 }
 """Name -> (module with add_arguments(parser) and run(args) -> exit code, one line of help)."""
 
@@ -93,7 +93,7 @@ def script() -> None:
     """The installed command: ends with main's code, even when a library hangs in a thread of its own."""
     keep_freed_memory()
     code = main()
-    hanging = sys.modules.get("drivers.hanging")  # imported by the commands that need it alone
+    hanging = sys.modules.get("drivers.system.hanging")  # imported by the commands that need it alone
     if hanging is not None:
         hanging.end_past_hanging_threads(code)
     sys.exit(code)

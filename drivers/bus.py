@@ -19,7 +19,7 @@ from typing import Any
 import zenoh
 
 from drivers.errors import DriverError
-from drivers.hanging import HangingThread
+from drivers.system.hanging import HangingThread
 
 log = logging.getLogger(__name__)
 

@@ -8,25 +8,25 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from landing.border import Border
-from landing.brink import Brink
-from landing.camera import CameraModel
-from landing.decision import against_flat
+from landing.decision.decision import against_flat
 from landing.errors import LandingError
 from landing.estimate import SurfaceEstimate, TrackView
-from landing.height import height
-from landing.homography import towards
-from landing.map_estimator import MapEstimator
+from landing.ground.border import Border
+from landing.ground.brink import Brink
+from landing.ground.roughness import Relief, ReliefMap
+from landing.ground.unlike import Unlike
+from landing.motion.views import Views
 from landing.observation import Observation
 from landing.options import EstimatorOptions, Options
-from landing.plane import Plane
-from landing.quadratic import QuadraticEstimator
+from landing.plane.height import height
+from landing.plane.map_estimator import MapEstimator
+from landing.plane.plane import Plane
+from landing.plane.quadratic import QuadraticEstimator
+from landing.plane.surface import surface
+from landing.plane.time_offset import TimeOffsetFilter
 from landing.rotations import euler_from_matrix
-from landing.roughness import Relief, ReliefMap
-from landing.surface import surface
-from landing.time_offset import TimeOffsetFilter
-from landing.unlike import Unlike
-from landing.views import Views
+from landing.vision.camera import CameraModel
+from landing.vision.homography import towards
 
 Array = NDArray[np.float64]
 

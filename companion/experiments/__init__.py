@@ -1,1 +1,1 @@
-"""The paper's experiments on simulated cameras: one module a figure, a runner and a report."""
+"""The experiments of the method's paper, run again, with a report."""

@@ -19,11 +19,11 @@ from companion.experiments.measure import (
     estimate_all,
 )
 from companion.experiments.report import COLOURS, OTHER_COLOUR, Comparison, Section, Table, new_figure, save
-from drivers.simulated.camera import Pose, SensorOptions, SimulatedCamera
-from drivers.simulated.lens import Lens
-from drivers.simulated.render import Renderer
-from drivers.simulated.surfaces import ramp
-from drivers.simulated.world import World
+from drivers.simulated.world.camera import Pose, SensorOptions, SimulatedCamera
+from drivers.simulated.world.lens import Lens
+from drivers.simulated.world.render import Renderer
+from drivers.simulated.world.surfaces import ramp
+from drivers.simulated.world.world import World
 from landing.rotations import matrix_from_euler
 
 SLOPES = (0, 15, 30, 45)

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.simulated.lens import Lens
-from landing.camera import CameraModel
+from drivers.simulated.world.lens import Lens
 from landing.estimate import SurfaceEstimate
 from landing.observation import Observation
 from landing.options import EstimatorOptions, Options
 from landing.pipeline import ESTIMATORS, SurfacePipeline
+from landing.vision.camera import CameraModel
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from companion.experiments.measure import (
     estimate_all,
 )
 from companion.experiments.report import COLOURS, OTHER_COLOUR, Comparison, Section, Table, new_figure, save
-from drivers.simulated.sequences import plane_sequence
+from drivers.simulated.world.sequences import plane_sequence
 
 SLOPES = (0, 15, 30, 45, 60)
 TEXTURES = ("noise", "gravel", "roof")

@@ -18,8 +18,8 @@ from companion.experiments.measure import (
     estimate_all,
 )
 from companion.experiments.report import COLOURS, OTHER_COLOUR, Comparison, Section, Table, new_figure, save
-from drivers.simulated.lens import Lens
-from drivers.simulated.sequences import plane_sequence
+from drivers.simulated.world.lens import Lens
+from drivers.simulated.world.sequences import plane_sequence
 
 TEXTURES = ("noise", "gravel", "grass", "roof", "tiles")
 LAST_TAU = 5

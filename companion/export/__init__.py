@@ -1,1 +1,1 @@
-"""What landslope says, in the formats of the robotics tools: MCAP files and the Foxglove app, live."""
+"""Messages as MCAP channels for Foxglove and other robotics tools."""

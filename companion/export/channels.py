@@ -8,10 +8,10 @@ import foxglove
 from foxglove import channels as fox
 
 from companion.export import shapes
-from companion.messages import TOPICS, Decision, Estimate, Event, Message, encode, topic_of
-from companion.preview import Preview
-from companion.schema import schema_of
-from landing.camera import CameraModel
+from companion.messages.messages import TOPICS, Decision, Estimate, Event, Message, encode, topic_of
+from companion.messages.preview import Preview
+from companion.messages.schema import schema_of
+from landing.vision.camera import CameraModel
 
 NANOSECONDS = 1000
 Position = tuple[float, float, float]

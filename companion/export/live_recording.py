@@ -5,11 +5,11 @@ import queue
 import threading
 from pathlib import Path
 
-from companion.camera_model import camera_model
-from companion.core import Output, Processed
+from companion.core.camera_model import camera_model
+from companion.core.core import Output, Processed
 from companion.errors import LandslopeError
 from companion.export.mcap_sink import McapSink
-from companion.settings import Settings
+from companion.settings.settings import Settings
 from drivers.samples import Attitude, Sample, Velocity
 
 log = logging.getLogger(__name__)

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import foxglove
 
-from companion.core import LandRequest, Output, Processed
+from companion.core.core import LandRequest, Output, Processed
 from companion.errors import LandslopeError
 from companion.export.channels import VehicleChannels
-from companion.messages import Estimate, Event
-from companion.preview import jpeg, overlay
+from companion.messages.messages import Estimate, Event
+from companion.messages.preview import jpeg, overlay
 from drivers.samples import Attitude, Sample, Velocity
-from landing.camera import CameraModel
+from landing.vision.camera import CameraModel
 
 JPEG_QUALITY = 90
 

@@ -6,11 +6,11 @@ import numpy as np
 from foxglove import messages as fox
 from numpy.typing import NDArray
 
-from companion.messages import Estimate, Event
-from companion.preview import Preview
-from companion.tilt import tilt_of
-from landing.camera import CameraModel
+from companion.messages.messages import Estimate, Event
+from companion.messages.preview import Preview
+from companion.messages.tilt import tilt_of
 from landing.rotations import log_so3, matrix_from_euler
+from landing.vision.camera import CameraModel
 
 INLIER = fox.Color(r=0.0, g=0.9, b=0.35, a=1.0)
 OUTLIER = fox.Color(r=1.0, g=0.23, b=0.23, a=1.0)

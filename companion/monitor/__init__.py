@@ -1,1 +1,1 @@
-"""The live page: what vehicles say, kept bounded, drawn for people."""
+"""A live web page and a Foxglove server that show vehicles and cannot command them."""

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from companion.messages import Estimate
+from companion.messages.messages import Estimate
 from companion.monitor.state import Point
 
 LONGEST_CONTACT_S = 60.0

@@ -9,7 +9,7 @@ from typing import Any
 
 from nicegui import ui
 
-from companion.messages import Event, Health
+from companion.messages.messages import Event, Health
 from companion.monitor import words
 from companion.monitor.charts import CHARTS, frame_of, series_of
 from companion.monitor.feed import Feed

@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.messages import Estimate
-from companion.tilt import Tilt, tilt_of
+from companion.messages.messages import Estimate
+from companion.messages.tilt import Tilt, tilt_of
 from landing.rotations import matrix_from_euler
 
 WIDTH, HEIGHT = 400, 300

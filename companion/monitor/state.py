@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import msgspec
 
-from companion.messages import Decision, Estimate, Event, Health
+from companion.messages.messages import Decision, Estimate, Event, Health
+from companion.messages.preview import Preview
 from companion.monitor.options import MonitorOptions
-from companion.preview import Preview
 from drivers.bus import Delivery
 
 RATE_WINDOW_S = 2.0

@@ -2,7 +2,7 @@
 
 import math
 
-from companion.preview import Preview
+from companion.messages.preview import Preview
 
 INLIER, OUTLIER = "#00e05a", "#ff3b3b"
 LARGEST_PX = 100_000.0

@@ -1,6 +1,6 @@
 """Numbers and states as the page shows them: unknown is a dash, never a zero."""
 
-from companion.messages import Decision, Estimate, Health, InputHealth
+from companion.messages.messages import Decision, Estimate, Health, InputHealth
 
 DASH = "–"
 SILENT = "SILENT"

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from drivers.cameras.grey import grey_of
 from drivers.cameras.interface import Grab
-from drivers.flight_folder import STAMPS, VIDEO
-from drivers.frame_table import read_frame_table
-from drivers.host_clock import now_us
+from drivers.files.flight_folder import STAMPS, VIDEO
+from drivers.files.frame_table import read_frame_table
+from drivers.files.video_file import VideoFile, open_pictures
 from drivers.samples import Frame
-from drivers.video_file import VideoFile, open_pictures
+from drivers.system.host_clock import now_us
 
 TimedImage = tuple[int, NDArray[np.uint8]]
 

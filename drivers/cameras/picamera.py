@@ -7,7 +7,7 @@ from typing import Any
 from drivers.cameras.grey import grey_of
 from drivers.cameras.interface import CameraFormat, Grab
 from drivers.errors import DriverError
-from drivers.host_clock import from_monotonic_us
+from drivers.system.host_clock import from_monotonic_us
 
 DEFAULT_SIZE = (640, 480)
 DEFAULT_RATE_HZ = 30.0

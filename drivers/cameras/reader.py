@@ -9,9 +9,9 @@ from drivers.cameras.checks import FrameCheck
 from drivers.cameras.interface import Camera, CameraStatus, Grab, Grabber, Notify, ReaderLimits
 from drivers.errors import DriverError
 from drivers.events import DriverEvent
-from drivers.hanging import HangingThread
-from drivers.host_clock import now_us
 from drivers.samples import Frame, Refusal
+from drivers.system.hanging import HangingThread
+from drivers.system.host_clock import now_us
 
 MAX_WAITING_REFUSALS = 256
 """Refusals kept for a consumer that does not come; older ones stay counted in the status."""

@@ -11,7 +11,7 @@ from drivers.cameras.grey import grey_of
 from drivers.cameras.interface import CameraFormat, Grab, ReaderLimits
 from drivers.cameras.stamping import MinimumDelayStamper
 from drivers.errors import DriverError
-from drivers.host_clock import now_us
+from drivers.system.host_clock import now_us
 
 SCHEMES = ("rtsp://", "rtsps://", "http://", "https://", "udp://", "tcp://", "rtp://", "srt://")
 

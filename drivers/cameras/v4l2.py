@@ -13,7 +13,7 @@ import cv2
 from drivers.cameras.grey import grey_of
 from drivers.cameras.interface import CameraFormat, Grab
 from drivers.errors import DriverError
-from drivers.host_clock import from_monotonic_us, now_us
+from drivers.system.host_clock import from_monotonic_us, now_us
 
 log = logging.getLogger(__name__)
 

@@ -1,1 +1,1 @@
-"""Simulated hardware: a world of textured surfaces, the camera that sees it, the vehicle that flies over it."""
+"""Simulated hardware: a world with a camera, and a vehicle with its autopilot."""

@@ -1,0 +1,1 @@
+"""What a frame costs on this machine, and the daemon's latency, memory and start."""

@@ -1,0 +1,39 @@
+"""Check a settings file: what is wrong with it, or the settings in force and where each came from."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from companion.errors import SettingsError
+from companion.settings.listing import in_force, markdown_table, missing_files
+from companion.settings.settings_file import load
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The command's arguments."""
+    parser.add_argument(
+        "file", nargs="?", type=Path, metavar="FILE", help="settings file (default: built-in settings)"
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="SECTION.KEY=VALUE",
+        dest="overrides",
+        help="override a setting",
+    )
+    parser.add_argument("--table", action="store_true", help="print the table of all settings in Markdown")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the settings in force (0), or one line for each fault (2)."""
+    try:
+        loaded = load(args.file, args.overrides)
+        missing = list(missing_files(loaded))
+        if missing:
+            raise SettingsError("\n".join(missing))
+    except SettingsError as faults:
+        print(faults, file=sys.stderr)
+        return 2
+    print("\n".join(markdown_table() if args.table else in_force(loaded)))
+    return 0

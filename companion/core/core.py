@@ -1,0 +1,247 @@
+"""The core: samples in, messages and requests out. Single-threaded, deterministic, without a clock of its own."""
+
+from dataclasses import dataclass
+
+from companion.core.attitude import BodyAttitude
+from companion.core.frozen_camera import FrozenCamera
+from companion.core.health import Clocks, HealthMonitor
+from companion.core.judge import Judge, LandRequest
+from companion.core.sync import Notice, ReadyFrame, Synchroniser
+from companion.messages.events import event
+from companion.messages.messages import Message, estimate_message
+from companion.settings.settings import Settings
+from drivers.samples import CommandAnswer, Frame, Heartbeat, LandedState, Refusal, Sample
+from landing.estimate import SurfaceEstimate
+from landing.ground.landing_area import LandingArea
+from landing.observation import Observation
+from landing.options import Options
+from landing.pipeline import SurfacePipeline
+from landing.vision.camera import CameraModel
+
+ATTITUDE_WITNESSES = 3
+"""Frames in a row without an attitude (or with one again) before an event tells of it."""
+
+LATE_WORTH_TELLING_S, LATE_SIGMAS = 0.005, 4.0
+"""A lateness of the frames that an event tells of."""
+
+
+@dataclass(frozen=True, slots=True)
+class Processed:
+    """A frame and its estimate, for pictures and recordings."""
+
+    frame: Frame
+    estimate: SurfaceEstimate
+
+
+Output = Message | LandRequest | Processed
+
+
+def observation_of(ready: ReadyFrame) -> Observation:
+    """What the pipeline is given for a frame."""
+    frame, attitude, time_s = ready.frame, ready.attitude, ready.time_us * 1e-6
+    if not isinstance(attitude, BodyAttitude):
+        return Observation(frame.number, time_s, frame.image, late_s=ready.late_s)
+    rotation, std = attitude.ned_from_body, attitude.rotation_std
+    return Observation(
+        frame.number,
+        time_s,
+        frame.image,
+        rotation,
+        std,
+        ready.velocity_ned,
+        velocity_age_s=ready.velocity_age_s,
+        velocity_noise=ready.velocity_noise,
+        tilt_std_rad=attitude.tilt_std,
+        turn_rate=attitude.turn_rate,
+        late_s=ready.late_s,
+    )
+
+
+class Core:
+    """Samples in order of arrival in, outputs out; the same samples give the same outputs, bit for bit.
+
+    ``calibrated`` is passed on to the estimates; ``telemetry`` False: a plain video, frames do not wait.
+    """
+
+    def __init__(self, settings: Settings, camera: CameraModel, *, calibrated: bool, telemetry: bool) -> None:
+        self._camera = camera
+        self._calibrated = calibrated
+        self._method = settings.estimator.method
+        self._pipeline = SurfacePipeline(
+            camera, Options(settings.tracking, settings.estimator, settings.decision)
+        )
+        self._sync = Synchroniser(settings, telemetry)
+        self._health = HealthMonitor(settings.health, telemetry)
+        self._frozen = FrozenCamera(settings.health, camera)
+        self._judge = Judge(settings, self._health, LandingArea(camera, settings.decision, settings.tracking))
+        self._health_period_us = round(settings.health.period_s * 1e6)
+        self._health_due_us: int | None = None
+        self._stale: frozenset[str] = frozenset()
+        self._attitude_known: bool | None = None
+        self._attitude_streak = 0
+        self._frame_number: int | None = None
+        self._late_told_s = 0.0
+
+    def set_enabled(self, enabled: bool) -> None:
+        """The user's permission to land; taking it back and giving it again allows another request."""
+        self._judge.set_enabled(enabled, self._sync.now_us)
+
+    @property
+    def waiting(self) -> bool:
+        """Whether a frame waits for the attitude behind its exposure."""
+        return self._sync.waiting
+
+    def feed(self, sample: Sample) -> list[Output]:
+        """Take one sample; returns what came of it, in order."""
+        out: list[Output] = []
+        ready, notices = self._sync.feed(sample)
+        self._count(sample, out)
+        for notice in notices:
+            self._tell(notice, out)
+        for frame in ready:
+            self._process(frame, out)
+        if isinstance(sample, Heartbeat | LandedState | CommandAnswer):
+            out += self._judge.follow(sample, self._sync.now_us, self._sync.raw_us())
+        self._tick(out)
+        return out
+
+    def tick(self, now_us: int) -> list[Output]:
+        """Time passed without a sample, as happens live: frames that waited long enough go on, silence is told."""
+        out: list[Output] = []
+        for frame in self._sync.tick(now_us):
+            self._process(frame, out)
+        self._tick(out)
+        return out
+
+    def finish(self) -> list[Output]:
+        """End of the input: frames still waiting are processed, the last state is told."""
+        out: list[Output] = []
+        for frame in self._sync.flush("end_of_input"):
+            self._process(frame, out)
+        if self._health_due_us is not None:
+            self._tell_health(out)
+            out += self._judge.decide(self._sync.now_us, self._sync.raw_us(), always=True)
+        return out
+
+    def _count(self, sample: Sample, out: list[Output]) -> None:
+        refusals = self._sync.refusals()
+        if not refusals:
+            self._health.count(sample, self._sync.now_us)
+        if isinstance(sample, Refusal):
+            if sample.reason == "second_vehicle" and not self._health.vehicles_clash:
+                self._health.vehicles_clash = True
+                out.append(event("second_vehicle", None, sample.arrival_us, details={"heard": sample.detail}))
+        elif isinstance(sample, Frame):
+            self._frame_number = sample.number
+        for name, reason in refusals:
+            self._health.refuse(name, reason)
+            if isinstance(sample, Frame):
+                self._no_estimate(sample, sample.stamp_us - self._sync.offset_us, reason, out)
+
+    def _no_estimate(self, frame: Frame, exposure_us: int, reason: str, out: list[Output]) -> None:
+        """An estimate that says why there is none."""
+        estimate = SurfaceEstimate(frame.number, exposure_us * 1e-6, reason, self._method)
+        out.append(estimate_message(estimate, exposure_us, None, self._calibrated))
+        self._health.counters[f"estimates {reason}"] += 1
+
+    def _process(self, ready: ReadyFrame, out: list[Output]) -> None:
+        frame, attitude = ready.frame, ready.attitude
+        if frame.image.shape != (self._camera.height, self._camera.width):
+            self._health.refuse("frames", "image_size")
+            self._no_estimate(frame, ready.exposure_us, "image_size", out)
+            return
+        if not isinstance(attitude, BodyAttitude):
+            self._health.counters[f"frames without attitude: {attitude}"] += 1
+        observation = observation_of(ready)
+        self._watch_attitude(ready, out)
+        estimate = self._pipeline.step(observation)
+        self._sync.allow_for(self._pipeline.time_offset.late_s, self._pipeline.time_offset.std_s)
+        if self._watch_picture(observation, ready, out):
+            estimate = SurfaceEstimate(frame.number, estimate.time_s, "camera_frozen", estimate.method)
+        self._health.counters[f"estimates {estimate.status}"] += 1
+        boot_s = None if ready.boot_us is None else ready.boot_us * 1e-6
+        out.append(estimate_message(estimate, ready.exposure_us, boot_s, self._calibrated))
+        out.append(Processed(frame, estimate))
+        out += self._judge.see(estimate, self._sync.now_us, ready.exposure_us)
+
+    def _watch_attitude(self, ready: ReadyFrame, out: list[Output]) -> None:
+        """Tell when frames begin to lack an attitude, and when they have one again."""
+        reason = ready.attitude if isinstance(ready.attitude, str) else ""
+        known = not reason
+        if known == self._attitude_known or reason == "no_telemetry":
+            self._attitude_streak = 0
+            return
+        self._attitude_streak += 1
+        first = self._attitude_known is None and known
+        if first or self._attitude_streak >= ATTITUDE_WITNESSES:
+            self._attitude_known, self._attitude_streak = known, 0
+            if not first:
+                name, text = ("attitude_back", "") if known else ("attitude_lost", _words(reason))
+                out.append(event(name, ready.frame.number, ready.exposure_us, text))
+
+    def _watch_picture(self, seen: Observation, ready: ReadyFrame, out: list[Output]) -> bool:
+        """Whether the camera is frozen, as far as the attitude shows it; changes are told."""
+        if seen.ned_from_body is None:
+            return self._frozen.frozen
+        before = self._frozen.frozen
+        frozen = self._frozen.step(seen.time_s, seen.image, seen.ned_from_body)
+        if frozen != before:
+            self._health.camera_frozen = frozen
+            out.append(event("camera_frozen" if frozen else "camera_moves", seen.frame, ready.exposure_us))
+        return frozen
+
+    def _watch_time_offset(self, out: list[Output]) -> None:
+        """Tell of a lateness that is surely there, and again when it has surely changed."""
+        late_s, std_s = self._pipeline.time_offset.late_s, self._pipeline.time_offset.std_s
+        if abs(late_s - self._late_told_s) <= max(LATE_WORTH_TELLING_S, LATE_SIGMAS * std_s):
+            return
+        self._late_told_s = late_s
+        set_s = self._sync.offset_us * 1e-6
+        right_s = round(set_s + late_s, 3) + 0.0
+        text = (
+            f"frames are {abs(late_s) * 1e3:.0f} ms {'later' if late_s > 0 else 'earlier'} than camera.time_offset_s = "
+            f"{set_s:g} s says; it is allowed for, set it to {right_s:.3f}"
+        )
+        details = {"late_s": round(late_s, 6), "std_s": round(std_s, 6)}
+        out.append(event("camera_late", self._frame_number, self._sync.raw_us(), text, details))
+
+    def _tell(self, notice: Notice, out: list[Output]) -> None:
+        if notice.name == "autopilot_rebooted":
+            self._judge.forget_autopilot()
+            self._pipeline.time_offset.loosen()
+        out.append(event(notice.name, self._frame_number, self._sync.raw_us(), details=notice.details))
+
+    def _tick(self, out: list[Output]) -> None:
+        """Health, and the decision while no frames come, at their rate of sample time."""
+        now_us, period_us = self._sync.now_us, self._health_period_us
+        if now_us == 0:
+            return
+        if self._health_due_us is None:
+            self._health_due_us = now_us + period_us
+        if now_us < self._health_due_us:
+            return
+        self._health_due_us += period_us * (1 + (now_us - self._health_due_us) // period_us)
+        self._tell_health(out)
+        if self._health.state("frames", now_us) != "ok":
+            out += self._judge.no_frames(now_us, self._sync.raw_us())
+
+    def _tell_health(self, out: list[Output]) -> None:
+        now_us, raw_us, clock = self._sync.now_us, self._sync.raw_us(), self._sync.clock
+        stale = frozenset(self._health.stale(now_us)) if self._health.telemetry else frozenset()
+        for name in sorted(stale ^ self._stale):
+            kind, what = ("input_stale", "stopped") if name in stale else ("input_back", "back")
+            if self._health.state(name, now_us) == "missing":
+                what = "none came yet"
+            out.append(event(kind, self._frame_number, raw_us, f"{_words(name)}: {what}", {"input": name}))
+        self._stale = stale
+        clocks = Clocks()
+        if clock.settled:
+            found = self._pipeline.time_offset
+            offset_s = clock.offset_us(clock.boot_us(now_us)) * 1e-6
+            clocks = Clocks(offset_s, clock.std_s, found.late_s, found.std_s)
+            self._watch_time_offset(out)
+        out.append(self._health.message(now_us, raw_us, clocks))
+
+
+def _words(name: str) -> str:
+    return name.replace("_", " ")

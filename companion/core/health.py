@@ -1,0 +1,194 @@
+"""How the inputs fare: counts, rates, ages and refusals, and what is wrong in words."""
+
+from collections import Counter
+from dataclasses import dataclass
+
+from companion.messages.messages import Health, InputHealth
+from companion.settings.settings import HealthSettings
+from drivers.samples import (
+    Attitude,
+    ClockOffset,
+    CommandAnswer,
+    Frame,
+    Heartbeat,
+    Imu,
+    LandedState,
+    RcChannels,
+    Refusal,
+    Sample,
+    Velocity,
+)
+
+INPUTS: dict[type, str] = {
+    Frame: "frames",
+    Attitude: "attitude",
+    Imu: "gyro",
+    Velocity: "velocity",
+    Heartbeat: "heartbeat",
+    LandedState: "landed_state",
+    RcChannels: "rc_channels",
+    ClockOffset: "timesync",
+    CommandAnswer: "command_answers",
+}
+"""Sample type -> the input's name in Health."""
+
+SOURCES = {
+    "camera": "frames",
+    "frames.csv": "frames",
+    "ATTITUDE": "attitude",
+    "ATTITUDE_QUATERNION": "attitude",
+    "RAW_IMU": "gyro",
+    "SCALED_IMU": "gyro",
+    "SCALED_IMU2": "gyro",
+    "SCALED_IMU3": "gyro",
+    "HIGHRES_IMU": "gyro",
+    "LOCAL_POSITION_NED": "velocity",
+    "HEARTBEAT": "heartbeat",
+    "EXTENDED_SYS_STATE": "landed_state",
+    "RC_CHANNELS": "rc_channels",
+    "TIMESYNC": "timesync",
+}
+"""Source of a refusal -> the input it would have been."""
+
+NEEDED = ("frames", "attitude", "heartbeat", "landed_state")
+"""Inputs without which no landing is requested."""
+
+VITAL = ("frames", "attitude")
+"""Inputs without which there is nothing to say of the surface."""
+
+
+@dataclass(frozen=True, slots=True)
+class Clocks:
+    """How the clocks stand to each other: ``offset_s`` companion minus autopilot, ``late_s`` lateness found of the
+    frames, each with its standard deviation; None where it is not known."""
+
+    offset_s: float | None = None
+    std_s: float | None = None
+    late_s: float | None = None
+    late_std_s: float | None = None
+
+
+@dataclass(slots=True)
+class _Input:
+    count: int = 0
+    refused: int = 0
+    newest_us: int | None = None
+    told: int = 0
+
+
+class HealthMonitor:
+    """Counts every sample; all times are the steady companion time in microseconds.
+
+    ``telemetry`` False: a plain video, of which only frames are expected.
+    """
+
+    def __init__(self, settings: HealthSettings, telemetry: bool) -> None:
+        s = settings
+        self._max_age_s = {
+            "frames": s.frames_max_age_s,
+            "attitude": s.attitude_max_age_s,
+            "gyro": s.gyro_max_age_s,
+            "velocity": s.velocity_max_age_s,
+            "heartbeat": s.heartbeat_max_age_s,
+            "landed_state": s.landed_state_max_age_s,
+        }
+        self._expected = tuple(self._max_age_s) if telemetry else ("frames",)
+        self._inputs = {name: _Input() for name in self._expected}
+        self.telemetry = telemetry
+        self._start_us: int | None = None
+        self._told_us: int | None = None
+        self.counters: Counter[str] = Counter()
+        self.vehicles_clash = False
+        self.camera_frozen = False
+
+    def count(self, sample: Sample, now_us: int) -> None:
+        """Take note of one sample."""
+        if self._start_us is None:
+            self._start_us = now_us
+        if isinstance(sample, Refusal):
+            self.refuse(SOURCES.get(sample.source, sample.source), sample.reason)
+            return
+        entry = self._inputs.setdefault(INPUTS[type(sample)], _Input())
+        entry.count += 1
+        entry.newest_us = now_us
+
+    def refuse(self, name: str, reason: str) -> None:
+        """Count a refusal of an input."""
+        self.counters[f"refused {name}: {reason}"] += 1
+        if name in self._inputs:
+            self._inputs[name].refused += 1
+
+    def state(self, name: str, now_us: int) -> str:
+        """Of one input: "ok", "stale", "missing" (never came)."""
+        entry = self._inputs.get(name)
+        if entry is None or entry.newest_us is None:
+            return "missing"
+        limit_s = self._max_age_s.get(name)
+        return "stale" if limit_s is not None and now_us - entry.newest_us > limit_s * 1e6 else "ok"
+
+    def stale(self, now_us: int) -> tuple[str, ...]:
+        """Needed inputs that are stale or missing, by name."""
+        return tuple(name for name in NEEDED if self.state(name, now_us) != "ok")
+
+    def problems(self, now_us: int, settled: bool) -> tuple[str, ...]:
+        """What is wrong, in words."""
+        found = []
+        for name in self._expected:
+            state = self.state(name, now_us)
+            entry = self._inputs[name]
+            words = name.replace("_", " ")
+            if state == "missing":
+                found.append(f"{words}: none came")
+            elif state == "stale" and entry.newest_us is not None:
+                found.append(f"{words}: none for {(now_us - entry.newest_us) * 1e-6:.1f} s")
+        if self.telemetry and not settled:
+            found.append("clocks: the autopilot's time is not known yet")
+        if self.camera_frozen:
+            found.append("camera: the picture stands still while the vehicle turns")
+        if self.vehicles_clash:
+            found.append("two vehicles on the link: set vehicle.system_id")
+        return tuple(found)
+
+    def message(self, now_us: int, time_unix_us: int, clocks: Clocks) -> Health:
+        """Health since the last call."""
+        since_us = self._told_us if self._told_us is not None else self._start_us
+        span_s = (now_us - since_us) * 1e-6 if since_us is not None else 0.0
+        inputs = {}
+        for name in sorted(self._inputs):
+            entry = self._inputs[name]
+            rate = (entry.count - entry.told) / span_s if span_s > 0 else None
+            age = None if entry.newest_us is None else max(0.0, (now_us - entry.newest_us) * 1e-6)
+            inputs[name] = InputHealth(
+                state=self.state(name, now_us),
+                count=entry.count,
+                refused=entry.refused,
+                rate_hz=None if rate is None else round(rate, 2),
+                age_s=None if age is None else round(age, 4),
+            )
+            entry.told = entry.count
+        self._told_us = now_us
+        problems = self.problems(now_us, clocks.offset_s is not None)
+        failed = any(inputs[name].state != "ok" for name in VITAL if name in self._expected)
+        state = (
+            "failed"
+            if failed or self.vehicles_clash or self.camera_frozen
+            else "degraded"
+            if problems
+            else "ok"
+        )
+        return Health(
+            time_unix_us=time_unix_us,
+            state=state,
+            problems=problems,
+            inputs=inputs,
+            counters=dict(sorted(self.counters.items())),
+            clock_offset_s=_rounded(clocks.offset_s),
+            clock_std_s=_rounded(clocks.std_s),
+            camera_late_s=_rounded(clocks.late_s),
+            camera_late_std_s=_rounded(clocks.late_std_s),
+            pipeline_ms=None,
+        )
+
+
+def _rounded(seconds: float | None) -> float | None:
+    return None if seconds is None else round(seconds, 6)

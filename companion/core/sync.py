@@ -1,0 +1,245 @@
+"""Frames and telemetry brought together: each frame leaves with the attitude at the middle of its exposure."""
+
+import math
+from collections import deque
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.core.attitude import AttitudeBuffer, BodyAttitude
+from companion.core.clock import AutopilotClock, ClockChange
+from companion.core.frame_time import Correction, FrameTimeline
+from companion.core.velocity import VelocityBuffer
+from companion.settings.settings import Settings
+from drivers.samples import Attitude, ClockOffset, Frame, Imu, Sample, Velocity
+
+MILLISECOND_US = 1000
+MICROSECOND_SOURCES = ("RAW_IMU", "HIGHRES_IMU")
+"""IMU messages stamped in microseconds; all other boot times are cut off to milliseconds."""
+
+TelemetrySample = Attitude | Imu | Velocity
+
+
+@dataclass(frozen=True, slots=True)
+class ReadyFrame:
+    """A frame with what is known of the vehicle at mid-exposure.
+
+    ``exposure_us``: mid-exposure on the companion's clock as stamped; ``time_us`` rises from frame to frame;
+    ``boot_us``: mid-exposure in boot time, None without a relation. ``attitude`` is the reason where there is none.
+    ``velocity_age_s``: from the exposure to what tells the velocity; ``velocity_noise`` m/s. ``late_s``: lateness
+    found along the way, which ``boot_us`` allows for.
+    """
+
+    frame: Frame
+    exposure_us: int
+    time_us: int
+    boot_us: int | None
+    attitude: BodyAttitude | str
+    velocity_ned: NDArray[np.float64] | None
+    velocity_age_s: float
+    velocity_noise: float
+    late_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Notice:
+    """Something about the clocks: a name of companion.messages.events and its details."""
+
+    name: str
+    details: dict[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class _Waiting:
+    frame: Frame
+    steady_us: int
+    exposure_us: int
+    time_us: int
+
+
+class Synchroniser:
+    """Feed it frames, attitudes, IMU samples, velocities and round trips; take ready frames and notices.
+
+    ``now_us`` is the steady companion time of the newest sample. Frames leave in order, each as soon as an attitude
+    behind its exposure and the accelerometer's sample there have come, or after ``sync.attitude_wait_s`` of sample
+    time without.
+    """
+
+    def __init__(self, settings: Settings, telemetry: bool) -> None:
+        self._s = settings.sync
+        self.offset_us = round(settings.camera.time_offset_s * 1e6)
+        self._telemetry = telemetry
+        self.clock = AutopilotClock(settings.sync)
+        self.frame_time = FrameTimeline(round(settings.sync.jump_min_s * 1e6))
+        self._late_s, self._late_std_s = 0.0, settings.estimator.time_offset_std_s
+        self._attitudes = AttitudeBuffer(settings.sync)
+        self._velocities = VelocityBuffer(settings.sync, self._attitudes)
+        self._waiting: deque[_Waiting] = deque()
+        self._settled = False
+        self.now_us = 0
+        self._refused: list[tuple[str, str]] = []
+
+    def feed(self, sample: Sample) -> tuple[list[ReadyFrame], list[Notice]]:
+        """Take one sample."""
+        notices: list[Notice] = []
+        ready: list[ReadyFrame] = []
+        if isinstance(sample, Frame):
+            self._take_frame(sample, notices)
+        elif isinstance(sample, TelemetrySample):
+            self._take_telemetry(sample, ready, notices)
+        elif isinstance(sample, ClockOffset):
+            s = sample
+            self.clock.feed_round_trip(s.boot_us, s.arrival_us, s.offset_us, s.round_trip_us)
+        elif not self._telemetry or self.clock.settled:
+            self._advance(sample.arrival_us - self.clock.shift_us)
+        if self._waiting:
+            ready += self._ready()
+        return ready, notices
+
+    @property
+    def waiting(self) -> bool:
+        """Whether a frame waits for an attitude."""
+        return bool(self._waiting)
+
+    def allow_for(self, late_s: float, std_s: float) -> None:
+        """Frames are later by so much, one sigma, than ``camera.time_offset_s`` says."""
+        self._late_s, self._late_std_s = late_s, std_s
+
+    def tick(self, now_us: int) -> list[ReadyFrame]:
+        """The companion's time went on to ``now_us`` without a sample."""
+        self._advance(now_us - self.clock.shift_us)
+        return self._ready()
+
+    def flush(self, reason: str) -> list[ReadyFrame]:
+        """All frames still waiting; those without an attitude behind them leave for ``reason``."""
+        ready = []
+        while self._waiting:
+            ready.append(self._leave(self._waiting.popleft(), reason))
+        return ready
+
+    def refusals(self) -> list[tuple[str, str]]:
+        """(input, reason) of the samples refused here since the last call."""
+        refused, self._refused = self._refused, []
+        return refused
+
+    def raw_us(self) -> int:
+        """The newest moment on the companion's clock as it is stamped."""
+        return self.now_us + self.frame_time.shift_us
+
+    def _advance(self, steady_us: int) -> None:
+        self.now_us = max(self.now_us, steady_us)
+
+    def _take_frame(self, frame: Frame, notices: list[Notice]) -> None:
+        times = self.frame_time.feed(frame.stamp_us)
+        if isinstance(times, str):
+            self._refused.append(("frames", times))
+            return
+        if times.jump_us:
+            notices.append(Notice("frames_jumped", {"jump_s": round(times.jump_us * 1e-6, 6)}))
+        self._advance(frame.arrival_us - self.frame_time.shift_us)
+        exposure_us = frame.stamp_us - self.offset_us
+        self._waiting.append(_Waiting(frame, times.steady_us, exposure_us, times.time_us))
+
+    def _take_telemetry(
+        self, sample: TelemetrySample, ready: list[ReadyFrame], notices: list[Notice]
+    ) -> None:
+        exact = isinstance(sample, Imu) and sample.source in MICROSECOND_SOURCES
+        arrival = self.clock.feed(sample.boot_us, sample.arrival_us, 0 if exact else MILLISECOND_US)
+        if arrival.change is ClockChange.REBOOTED:
+            ready += self.flush("autopilot_rebooted")
+            self._attitudes.clear()
+            self._velocities.clear()
+            notices.append(Notice("autopilot_rebooted", {}))
+        elif arrival.change is ClockChange.JUMPED:
+            correction = self.frame_time.telemetry_jumped(arrival.jump_us)
+            if correction is not None:
+                self._correct_waiting(correction)
+            jump_s = round(arrival.jump_us * 1e-6, 6)
+            notices.append(Notice("clock_jumped", {"jump_s": jump_s, "frames_too": correction is not None}))
+            self.now_us = arrival.steady_us or self.now_us  # it may have run ahead with frames that jumped
+        elif arrival.change is ClockChange.WRAPPED:
+            notices.append(Notice("boot_time_wrapped", {}))
+        if arrival.steady_us is not None:
+            self._advance(arrival.steady_us)
+        if self.clock.settled != self._settled:
+            self._settled = self.clock.settled
+            if self._settled:
+                notices.append(Notice("clock_settled", {"std_s": round(self.clock.std_s, 6)}))
+        if arrival.boot_us is not None:
+            self._keep(sample, arrival.boot_us)
+        else:
+            self._refused.append((_INPUT[type(sample)], "boot_time_fell"))
+
+    def _correct_waiting(self, correction: Correction) -> None:
+        """Frames that came between a jump and its discovery move to where they belong."""
+        self._waiting = deque(
+            replace(w, steady_us=w.steady_us - correction.by_us)
+            if w.frame.stamp_us >= correction.from_stamp_us
+            else w
+            for w in self._waiting
+        )
+
+    def _keep(self, sample: TelemetrySample, boot_us: int) -> None:
+        if isinstance(sample, Attitude):
+            taken = self._attitudes.add_attitude(boot_us, sample)
+        elif isinstance(sample, Imu):
+            taken = self._attitudes.add_rate(boot_us, sample.rate)
+            if sample.force is not None:
+                self._velocities.add_force(boot_us, sample.force)
+        else:
+            taken = self._velocities.add_velocity(boot_us, sample.velocity_ned)
+        if not taken:
+            self._refused.append((_INPUT[type(sample)], "out_of_order"))
+
+    def _ready(self) -> list[ReadyFrame]:
+        ready = []
+        while self._waiting:
+            head = self._waiting[0]
+            if self._telemetry and not self._told(head):
+                # A frame that jumped with the clock waits at most as long as it takes to see that.
+                waited_us = abs(self.now_us - head.steady_us)
+                if waited_us <= self._s.attitude_wait_s * 1e6:
+                    break
+            ready.append(self._leave(self._waiting.popleft(), "attitude_late"))
+        return ready
+
+    def _told(self, waiting: _Waiting) -> bool:
+        """Whether all is there that tells of an exposure."""
+        newest_us = self._attitudes.newest_us
+        if newest_us is None or not self.clock.settled:
+            return False
+        boot_us = self._boot_us(waiting)
+        return newest_us >= boot_us and self._velocities.complete(boot_us)
+
+    def _boot_us(self, waiting: _Waiting) -> int:
+        return self.clock.boot_us(waiting.steady_us - self.offset_us - round(self._late_s * 1e6))
+
+    def _leave(self, waiting: _Waiting, reason: str) -> ReadyFrame:
+        attitude: BodyAttitude | str = "no_telemetry"
+        boot_us = velocity = None
+        age_s = noise = 0.0
+        if self._telemetry:
+            attitude = "no_attitude" if self._attitudes.newest_us is None else "clock_unsettled"
+            if self.clock.settled:
+                boot_us = self._boot_us(waiting)
+                attitude = self._attitudes.at(boot_us, math.hypot(self.clock.std_s, self._late_std_s))
+                told = self._velocities.at(boot_us)
+                if told is not None:
+                    velocity, age_s, noise = told
+            if attitude == "attitude_not_yet":
+                attitude = reason
+        return ReadyFrame(
+            waiting.frame,
+            waiting.exposure_us,
+            waiting.time_us,
+            boot_us,
+            attitude,
+            velocity,
+            age_s,
+            noise,
+            self._late_s,
+        )
+
+
+_INPUT = {Attitude: "attitude", Imu: "gyro", Velocity: "velocity"}

@@ -1,0 +1,129 @@
+"""The machine before a flight: settings' files, another landslope, the disk, zenoh."""
+
+import fcntl
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from companion.doctor.findings import Finding
+from companion.live.publisher import endpoints
+from companion.settings.listing import missing_files
+from companion.settings.settings import Settings
+from companion.settings.settings_file import LoadedSettings
+from drivers.bus import Bus
+from drivers.errors import DriverError
+
+LOCK_DIRECTORIES = ("/run/landslope",)
+"""Where the service's lock lies; a landslope started by hand has it elsewhere."""
+
+MB = 1_000_000
+ZENOH_WAIT_S = 2.0
+
+
+def settings_findings(loaded: LoadedSettings) -> Iterator[Finding]:
+    """Files that the settings name, and whether a landing can ever be requested."""
+    missing = list(missing_files(loaded))
+    for text in missing:
+        yield Finding("settings", "failure", text, "put the file there, or correct the setting")
+    if not missing:
+        yield Finding("settings", "ok", str(loaded.file) if loaded.file else "defaults alone, no file")
+    landing = loaded.settings.landing
+    switch = landing.enable_rc_channel
+    if landing.enabled or switch:
+        how = f"by RC channel {switch}" if switch else "from the start"
+        yield Finding("landing", "ok", f"enabled {how}, in modes {', '.join(landing.allowed_modes)}")
+    else:
+        yield Finding("landing", "ok", "not enabled: landslope measures and reports, and requests nothing")
+    key = Path(loaded.settings.mavlink.signing_key)
+    if loaded.settings.mavlink.signing_key and key.is_file() and key.stat().st_mode & 0o007:
+        yield Finding("signing key", "warning", f"{key} is readable by everybody", f"chmod 640 {key}")
+
+
+def instance_findings(settings: Settings) -> Iterator[Finding]:
+    """Another landslope of the same vehicle holds the camera and the link."""
+    directories = (*LOCK_DIRECTORIES, os.environ.get("XDG_RUNTIME_DIR", ""), tempfile.gettempdir())
+    for directory in filter(None, directories):
+        lock = Path(directory) / f"landslope-{settings.vehicle.name}.lock"
+        if _held(lock):
+            remedy = "for a full look stop it: systemctl stop landslope"
+            yield Finding(
+                "service", "warning", f"landslope runs already ({lock}): camera and link may be busy", remedy
+            )
+            return
+
+
+def disk_findings(settings: Settings) -> Iterator[Finding]:
+    """Whether flights can be recorded."""
+    record = settings.record
+    if not record.directory:
+        yield Finding("disk", "ok", "record.directory is empty: no flight is recorded")
+        return
+    directory = Path(record.directory)
+    there = next((path for path in (directory, *directory.parents) if path.exists()), Path("/"))
+    if not there.is_dir() or not os.access(there, os.W_OK | os.X_OK):
+        remedy = "give it to the service's user: chown landslope, or choose another record.directory"
+        yield Finding("disk", "failure", f"{directory} cannot be written", remedy)
+        return
+    free_mb = shutil.disk_usage(there).free // MB
+    text = f"{directory}: {free_mb} MB free"
+    if free_mb < record.min_free_mb:
+        yield Finding(
+            "disk", "failure", f"{text}, record.min_free_mb is {record.min_free_mb}", "delete old flights"
+        )
+    elif free_mb < record.min_free_mb + record.max_flight_mb:
+        yield Finding("disk", "warning", f"{text}: a long flight will not fit", "delete old flights")
+    else:
+        yield Finding("disk", "ok", text)
+
+
+def zenoh_findings(settings: Settings) -> Iterator[Finding]:
+    """Whether messages get out, and whether somebody is there."""
+    try:
+        bus = Bus(settings.vehicle.name, endpoints(settings.zenoh))
+    except DriverError as error:
+        yield Finding(
+            "zenoh", "failure", str(error), "check zenoh.connect, zenoh.listen, the router and certificates"
+        )
+        return
+    try:
+        session = bus.session
+        if session is None:
+            yield Finding(
+                "zenoh", "failure", "no session", "check zenoh.connect, zenoh.listen and the router"
+            )
+            return
+        until = time.monotonic() + ZENOH_WAIT_S
+        routers, peers = 0, 0
+        while time.monotonic() < until and not routers + peers:
+            time.sleep(ZENOH_WAIT_S / 20)
+            routers, peers = len(list(session.info.routers_zid())), len(list(session.info.peers_zid()))
+        text = f"open, {routers} routers, {peers} peers"
+        lonely = not routers + peers
+        if lonely and settings.zenoh.connect:
+            remedy = f"is {', '.join(settings.zenoh.connect)} up and reachable?"
+            yield Finding("zenoh", "warning", text, remedy)
+        elif routers and settings.zenoh.mode == "peer":
+            remedy = 'set zenoh.mode = "client": watchers that are peers of that router as well hear nothing'
+            yield Finding("zenoh", "warning", text, remedy)
+        else:
+            yield Finding("zenoh", "ok", text if not lonely else f"{text}: nobody listens yet")
+    finally:
+        bus.close()
+
+
+def _held(lock: Path) -> bool:
+    """Whether another process holds a lock file."""
+    try:
+        descriptor = os.open(lock, os.O_RDONLY)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    finally:
+        os.close(descriptor)
+    return False

@@ -1,0 +1,1 @@
+"""Many vehicles under one zenoh router: its configuration, and losses and delay measured."""

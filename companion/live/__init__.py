@@ -1,0 +1,1 @@
+"""The daemon: camera and link into the core, messages to zenoh, recordings, commands through MAVSDK."""

@@ -1,0 +1,189 @@
+"""The daemon: live camera and autopilot in, estimates, decisions and the landing command out."""
+
+import logging
+import signal
+import time
+from contextlib import ExitStack
+
+from companion.core.command import NAV_LAND
+from companion.core.core import LandRequest, Output, Processed
+from companion.core.landing_watch import LandingWatch
+from companion.live.commander import TOO_LATE, Commander
+from companion.live.inputs import Inputs
+from companion.live.live_pipeline import LivePipeline
+from companion.live.publisher import Publisher
+from companion.live.recording import FlightRecording
+from companion.live.reporting import GroundReport
+from companion.messages.messages import Estimate, Health, Message
+from companion.messages.preview import PreviewPublisher
+from companion.settings.settings import Settings
+from drivers.samples import CommandAnswer, Imu, Sample
+from drivers.system.host_clock import now_us
+from drivers.system.service_manager import ServiceManager
+
+log = logging.getLogger(__name__)
+
+TICK_S = 0.1
+"""How long the loop waits for something to happen; silence is noticed that often."""
+
+ANSWER_S = 10.0
+"""How long the end waits for the answer to a command; MAVSDK gives up by then."""
+CLOSE_S = 2.0
+
+GATHER_S = 0.02
+"""Telemetry is gathered for so long while no frame waits for it."""
+
+
+class Daemon:
+    """Wires camera, link, core, bus, ground report and commander, and runs until ``stop``.
+
+    Closes ``inputs`` at its end. Everything that the outside may break is reopened by its driver; what is wrong in the
+    settings raises an error of the packages at once.
+    """
+
+    def __init__(self, settings: Settings, inputs: Inputs) -> None:
+        self.settings = settings
+        self._inputs, self._inbox = inputs, inputs.inbox
+        self._link, self._camera = inputs.link, inputs.camera
+        self._estimate_us = 0
+        with ExitStack() as stack:
+            stack.callback(inputs.close)
+            self.service = ServiceManager()
+            stack.callback(self.service.close)
+            self.recording = FlightRecording(settings)
+            stack.callback(self.recording.close)
+            self.pipeline = LivePipeline(settings, self._output, self._may_enable, self.counters)
+            self._report = GroundReport(settings.mavlink, self.pipeline.body_from_camera)
+            self._watch = LandingWatch(settings.landing)
+            self._publisher = stack.enter_context(Publisher(settings, retry=True))
+            self._preview = PreviewPublisher(self._publisher.bus, settings.preview)
+            stack.callback(self._preview.close)
+            self._commander = None
+            if self._link is not None:
+                self._link.may_beat = self._alive
+                self._link.on_frame = self.recording.mavlink if settings.record.directory else None
+                self._commander = Commander(self._link, self._inbox.put, self._inbox.tell)
+                self._commander.start()
+                stack.callback(self._commander.close, CLOSE_S)
+            self._stack = stack.pop_all()
+
+    def run(self) -> None:
+        """Work until ``stop``; a command under way gets its answer first."""
+        self.service.ready()
+        log.info("landslope runs for vehicle %s", self.settings.vehicle.name)
+        with self._stack:
+            while not self._inputs.stopped.is_set():
+                self._turn()
+            self.service.stopping()
+            self._let_command_end()
+            self.pipeline.finish()
+
+    def stop(self) -> None:
+        """End soon; from any thread or signal handler."""
+        self._inputs.stop()
+
+    @property
+    def commander_connected(self) -> bool:
+        """Whether a command to land could go out: MAVSDK has found the vehicle."""
+        return self._commander is not None and self._commander.connected
+
+    def counters(self) -> dict[str, int]:
+        """What every part counted, for the health that is told."""
+        status = self._camera.status()
+        counted = {
+            "camera grabbed": status.grabbed,
+            "camera delivered": status.delivered,
+            "camera skipped": status.skipped,
+            "camera waiting": status.waiting,
+            "camera reopened": status.reopened,
+            "inbox dropped": self._inbox.dropped,
+            "zenoh unsent": self._publisher.bus.unsent,
+        }
+        counted |= {f"camera refused: {reason}": count for reason, count in status.refused.items()}
+        counted |= self.recording.counters
+        if self._link is not None:
+            counted |= {f"link {name}": count for name, count in sorted(self._link.counters.items())}
+        return counted
+
+    def _turn(self) -> None:
+        """One round: what came is fed in order of arrival; the watchdog is fed when all of it went through."""
+        samples, events = self._inbox.take(TICK_S, 0.0 if self.pipeline.waiting else GATHER_S)
+        samples += self._camera.take()
+        samples.sort(key=_arrival)
+        self.recording.samples(samples)
+        for event in (*events, *self._camera.events(), *self.recording.step(now_us())):
+            self.pipeline.tell(event)
+        if samples:
+            self._feed_gyro(samples)
+            self.pipeline.feed(samples)
+        else:
+            self.pipeline.tick(now_us())
+        self.service.alive()
+
+    def _feed_gyro(self, samples: list[Sample]) -> None:
+        if self.settings.mavlink.optical_flow:
+            for sample in samples:
+                if isinstance(sample, Imu):
+                    self._report.gyro(sample)
+
+    def _output(self, output: Output) -> None:
+        if isinstance(output, LandRequest):
+            self._request(output)
+        elif isinstance(output, Processed):
+            self._preview.put(output.frame, output.estimate, self._estimate_us)
+            self.recording.processed(output)
+        else:
+            self._message(output)
+
+    def _request(self, request: LandRequest) -> None:
+        if self._commander is None or self._inputs.stopped.is_set():
+            return
+        if now_us() - request.time_unix_us > self.settings.landing.request_max_age_s * 1e6:
+            self._inbox.put([CommandAnswer(now_us(), NAV_LAND, TOO_LATE)])
+        else:
+            self._commander.request(request)
+
+    def _message(self, message: Message) -> None:
+        if isinstance(message, Estimate):
+            self._estimate_us = message.time_unix_us
+        elif isinstance(message, Health):
+            self.service.status("; ".join(message.problems) or "all well")
+        self._publisher.publish(message)
+        self.recording.message(message)
+        if self._link is not None:
+            for outgoing in self._report.feed(message):
+                self._link.send(outgoing)
+        watched = self._watch.feed(message)
+        if watched is not None:
+            self._message(watched.event)
+            if watched.hold and self._commander is not None:
+                self._commander.hold()
+
+    def _alive(self) -> bool:
+        """Whether our heartbeats may go out: the pipeline made an estimate lately."""
+        return time.monotonic() - self.pipeline.estimated_at < self.settings.mavlink.heartbeat_max_age_s
+
+    def _may_enable(self) -> bool:
+        return self._link is None or not self._link.ambiguous
+
+    def _let_command_end(self) -> None:
+        if self._commander is None or not self._commander.busy:
+            return
+        log.info("a command is under way; waiting for its answer")
+        self.service.more_time(ANSWER_S + CLOSE_S)
+        deadline = time.monotonic() + ANSWER_S
+        while self._commander.busy and time.monotonic() < deadline:
+            self._turn()
+        self._turn()
+
+
+def stop_on_signals(daemon: Daemon) -> None:
+    """SIGTERM and SIGINT end the daemon in good order; SIGUSR1 starts a recording by hand, SIGUSR2 stops it."""
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: daemon.stop())
+    signal.signal(signal.SIGUSR1, lambda *_: daemon.recording.by_hand(True))
+    signal.signal(signal.SIGUSR2, lambda *_: daemon.recording.by_hand(False))
+
+
+def _arrival(sample: Sample) -> int:
+    return sample.arrival_us

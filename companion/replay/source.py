@@ -1,0 +1,86 @@
+"""What a replay reads: a flight folder, or a plain video or folder of images without telemetry."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from companion.core.camera_model import camera_model
+from companion.errors import LandslopeError
+from companion.settings.settings import Settings
+from companion.settings.settings_file import DEFAULT, load
+from drivers.files.flight_folder import FlightFolder
+from drivers.files.video_file import open_pictures
+from drivers.samples import Sample
+from landing.vision.camera import CameraModel
+
+SETTINGS_FILE = "landslope.toml"
+FLIGHT_FILES = ("frames.csv", "vehicle.tlog", SETTINGS_FILE)
+
+
+@dataclass(frozen=True, slots=True)
+class PlainCamera:
+    """What is said about the camera of a plain video: frame rate, and field of view, focal length or calibration."""
+
+    fps: float | None = None
+    fov_deg: float | None = None
+    focal_px: float | None = None
+    calibration: Path | None = None
+
+    @property
+    def given(self) -> bool:
+        """Whether anything was said."""
+        return self != PlainCamera()
+
+
+@dataclass(frozen=True, slots=True)
+class ReplaySource:
+    """An input ready to be run: its settings, its camera and its samples in order of arrival."""
+
+    settings: Settings
+    camera: CameraModel
+    calibrated: bool
+    telemetry: bool
+    frame_count: int | None
+    samples: Callable[[], Iterator[Sample]]
+
+
+def open_source(
+    path: Path, config: Path | None, overrides: tuple[str, ...], plain: PlainCamera
+) -> ReplaySource:
+    """Open a flight folder, a video file or a folder of images."""
+    if path.is_dir() and any((path / name).exists() for name in FLIGHT_FILES):
+        return _flight(path, config, overrides, plain)
+    return _pictures(path, config, overrides, plain)
+
+
+def _flight(path: Path, config: Path | None, overrides: tuple[str, ...], plain: PlainCamera) -> ReplaySource:
+    if plain.given:
+        raise LandslopeError(
+            f"{path}: --fps, --fov-deg, --focal-px and --calibration are for plain videos; a flight has its own "
+            "frames.csv and camera.calibration (--set camera.calibration=FILE)"
+        )
+    own = path / SETTINGS_FILE
+    loaded = load(config or (own if own.exists() else None), overrides)
+    settings = loaded.settings
+    beside = path / "camera.yaml"
+    if loaded.origins["camera.calibration"] == DEFAULT and beside.exists():
+        settings = replace(settings, camera=replace(settings.camera, calibration=str(beside)))
+    folder = FlightFolder(
+        path, system_id=settings.vehicle.system_id, component_id=settings.mavlink.autopilot_component
+    )
+    camera, calibrated = camera_model(settings.camera, folder.width, folder.height)
+    return ReplaySource(settings, camera, calibrated, True, folder.frame_count, folder.samples)
+
+
+def _pictures(
+    path: Path, config: Path | None, overrides: tuple[str, ...], plain: PlainCamera
+) -> ReplaySource:
+    settings = load(config, overrides).settings
+    if plain.calibration is not None:
+        settings = replace(settings, camera=replace(settings.camera, calibration=str(plain.calibration)))
+    pictures = open_pictures(path)
+    camera, calibrated = camera_model(
+        settings.camera, pictures.width, pictures.height, fov_deg=plain.fov_deg, focal_px=plain.focal_px
+    )
+    count = pictures.frame_count or None
+    return ReplaySource(settings, camera, calibrated, False, count, lambda: pictures.frames(plain.fps))

@@ -1,0 +1,82 @@
+"""What the simulated ground is truly like where somebody lands, or says that one may."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from drivers.simulated.vehicle.quaternion import to_euler
+from drivers.simulated.world.truth import FrameTruth
+from drivers.simulated.world.world import World
+from landing.estimate import SurfaceEstimate
+from landing.ground.landing_area import LandingArea
+
+Fitness = Literal["fit", "unfit", "between"]
+
+EVEN, UNEVEN = 0.003, 0.015
+"""Relief over distance of ground that is plainly even, and plainly not."""
+SLOPE_MARGIN_DEG = 2.0
+"""Plainly fit is gentler than the limit by this, plainly unfit steeper by this."""
+PATCH_M = 0.5
+"""Radius of the ground that is looked at under a vehicle: it stands on that, however it is turned."""
+PATCH_POINTS = 11
+UNEVEN_M = 0.1
+"""A vehicle tips over something that rises this far out of the ground it stands on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Patch:
+    """The ground below a place: its best-fit plane's inclination, the largest height over or under that plane."""
+
+    north_m: float
+    east_m: float
+    inclination_deg: float
+    deviation_m: float
+
+
+def unsafe(patch: Patch, max_inclination_deg: float) -> bool:
+    """Whether the ground below a place is plainly no ground to land on."""
+    return patch.inclination_deg >= max_inclination_deg + SLOPE_MARGIN_DEG or patch.deviation_m >= UNEVEN_M
+
+
+def patch(world: World, north: float, east: float, radius_m: float = PATCH_M) -> Patch:
+    """The ground within a circle about a place."""
+    axis = np.linspace(-radius_m, radius_m, PATCH_POINTS)
+    inside = [(n, e) for n in axis for e in axis if math.hypot(n, e) <= radius_m * (1 + 1e-9)]
+    points = [(n, e, world.height_at(north + n, east + e)) for n, e in inside]
+    table = np.array(points)
+    design = np.column_stack([table[:, :2], np.ones(len(table))])
+    plane, *_ = np.linalg.lstsq(design, table[:, 2], rcond=None)
+    rest = float(np.abs(table[:, 2] - design @ plane).max())
+    return Patch(north, east, math.degrees(math.atan(math.hypot(plane[0], plane[1]))), rest)
+
+
+def fitness(truth: FrameTruth, max_inclination_deg: float) -> Fitness:
+    """Whether the ground in view at a frame is plainly fit for landing, plainly unfit, or neither."""
+    if not math.isfinite(truth.relief):
+        return "unfit"
+    if truth.relief >= UNEVEN or truth.fit_inclination_deg >= max_inclination_deg + SLOPE_MARGIN_DEG:
+        return "unfit"
+    if truth.relief <= EVEN and truth.fit_inclination_deg <= max_inclination_deg - SLOPE_MARGIN_DEG:
+        return "fit"
+    return "between"
+
+
+def tellable(truth: FrameTruth, area: LandingArea) -> bool:
+    """Whether the ground straight below is in view, from low enough for what the settings ask for."""
+    roll, pitch, _ = to_euler((truth.qw, truth.qx, truth.qy, truth.qz))
+    known = SurfaceEstimate(
+        truth.frame,
+        truth.time_boot_s,
+        "ok",
+        "truth",
+        slope_x_deg=math.degrees(math.atan(truth.slope_a)),
+        slope_y_deg=math.degrees(math.atan(truth.slope_b)),
+        roll_deg=math.degrees(roll),
+        pitch_deg=math.degrees(pitch),
+        height_m=truth.axis_distance_m,
+    )
+    options = area.options
+    low = area.patch_m(truth.axis_distance_m) <= options.max_patch_m
+    return low and area.in_view(known) >= options.min_area_measured

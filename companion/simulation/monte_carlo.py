@@ -1,0 +1,323 @@
+"""Many random flights: how often a landing was requested on unfit ground, how often missed on fit ground."""
+
+import logging
+import math
+import multiprocessing
+import os
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from companion.simulation.flight_result import FlightResult
+from companion.simulation.ground import unsafe
+from companion.simulation.lockstep import LockstepOptions, fly
+from companion.simulation.random_scenario import random_scenario
+from companion.simulation.scenario import Scenario, to_toml
+
+TRUTH_EVERY = 5
+OPPORTUNITY_S = 2.5
+"""Plainly fit ground below, seen from low enough for this long without a break, everything in order, and no request:
+missed."""
+WRONG = ("unsafe", "view", "missed")
+Z95 = 1.959964
+AHEAD = 4
+"""Flights handed to each process in advance."""
+KEPT_WORST = 10
+
+Progress = Callable[[float, float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """The outcome of one flight."""
+
+    seed: int
+    ground: str
+    fault: str
+    outcome: str
+    """"right", "unsafe" (it landed on ground that is plainly not to land on), "view" (requested with plainly unfit
+    ground somewhere in view, but none where it landed), "missed", "between" (requested, neither plainly),
+    "crashed: why"."""
+    requested_s: float | None
+    inclination_deg: float | None
+    """True, of the ground in view at the request."""
+    relief: float | None
+    patch_inclination_deg: float | None
+    patch_deviation_m: float | None
+    """Of the circle of half a metre about the place where it touched down."""
+    unfit_in_view: bool
+    fit_s: float
+    """Longest time of plainly fit ground in view without a break."""
+    chance_s: float
+    """Of that, while the ground straight below was in view, from low enough to tell what lies on it."""
+    elapsed_s: float
+
+    @property
+    def wrong(self) -> bool:
+        """Whether somebody should look at it."""
+        return self.outcome in WRONG or self.crashed
+
+    @property
+    def crashed(self) -> bool:
+        """Whether the software broke."""
+        return self.outcome.startswith("crashed")
+
+    def __str__(self) -> str:
+        what = f"missed fit ground of {self.chance_s:.1f} s" if self.outcome == "missed" else self.outcome
+        if self.requested_s is not None:
+            what += f": requested at {self.requested_s:.1f} s"
+            what += f" on {self.inclination_deg:.1f} degrees, relief {self.relief:.4f}; touched down on"
+            what += f" {self.patch_inclination_deg:.1f} degrees, uneven by {self.patch_deviation_m:.2f} m"
+        return f"seed {self.seed} ({self.ground}{', ' + self.fault if self.fault else ''}): {what}"
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """A share with its 95 % confidence interval."""
+
+    count: int
+    total: int
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Wilson's interval."""
+        return wilson(self.count, self.total)
+
+    def __str__(self) -> str:
+        if not self.total:
+            return "none of 0"
+        low, high = self.interval
+        share = 100 * self.count / self.total
+        return f"{self.count} of {self.total} ({share:.1f} %; 95 % confidence {100 * low:.1f} to {100 * high:.1f} %)"
+
+
+@dataclass(slots=True)
+class Report:
+    """All runs, in the order of their seeds."""
+
+    runs: list[Run] = field(default_factory=list)
+    kept: list[Path] = field(default_factory=list)
+    elapsed_s: float = 0.0
+
+    @property
+    def requested_on_unfit(self) -> Share:
+        """Of the flights that saw plainly unfit ground."""
+        seen = [r for r in self.runs if r.unfit_in_view or r.outcome in ("unsafe", "view")]
+        return Share(sum(r.outcome == "unsafe" for r in seen), len(seen))
+
+    @property
+    def crashes(self) -> int:
+        """Flights in which the software broke."""
+        return sum(r.crashed for r in self.runs)
+
+    @property
+    def unfit_in_view(self) -> Share:
+        """Of the same flights: requested while unfit ground was in view, but not where it landed."""
+        seen = [r for r in self.runs if r.unfit_in_view or r.outcome in ("unsafe", "view")]
+        return Share(sum(r.outcome == "view" for r in seen), len(seen))
+
+    @property
+    def missed(self) -> Share:
+        """Of the flights that had an opportunity, faults aside."""
+        chances = [
+            r
+            for r in self.runs
+            if r.outcome == "missed" or (r.requested_s is not None and r.outcome == "right")
+        ]
+        return Share(sum(r.outcome == "missed" for r in chances), len(chances))
+
+    @property
+    def held_back(self) -> int:
+        """Flights with plainly fit ground in view, but too far below or not where they would land."""
+        return sum(
+            r.outcome == "right"
+            and r.requested_s is None
+            and not r.fault
+            and r.fit_s >= OPPORTUNITY_S > r.chance_s
+            for r in self.runs
+        )
+
+    def in_words(self) -> str:
+        """The figures, several lines."""
+        kinds = Counter(r.ground for r in self.runs)
+        lines = [
+            f"{len(self.runs)} flights in {self.elapsed_s:.0f} s",
+            f"  landing requested on plainly unfit ground   {self.requested_on_unfit}",
+            f"  requested with such ground beside           {self.unfit_in_view}",
+            f"  landing missed on plainly fit ground        {self.missed}",
+            f"  held back: fit ground too far down or aside {self.held_back}",
+            f"  requested on ground that is neither         {sum(r.outcome == 'between' for r in self.runs)}",
+            f"  the software broke                          {self.crashes}",
+            "  by ground: requested, on unfit, unfit beside, missed",
+        ]
+        for kind, count in sorted(kinds.items()):
+            runs = [r for r in self.runs if r.ground == kind]
+            asked = sum(r.requested_s is not None for r in runs)
+            bad, near, missed = (
+                sum(r.outcome == word for r in runs) for word in ("unsafe", "view", "missed")
+            )
+            lines.append(f"    {kind:<8} {count:4d} flights {asked:4d} {bad:4d} {near:4d} {missed:4d}")
+        lines += [f"  {run}" for run in worst(self.runs)[:KEPT_WORST]]
+        lines += [f"  kept {path}" for path in self.kept]
+        return "\n".join(lines)
+
+    def as_table(self) -> dict[str, Any]:
+        """For a JSON file."""
+        return {
+            "flights": len(self.runs),
+            "requested_on_unfit": _figures(self.requested_on_unfit),
+            "unfit_in_view": _figures(self.unfit_in_view),
+            "missed": _figures(self.missed),
+            "held_back": self.held_back,
+            "elapsed_s": self.elapsed_s,
+            "runs": [asdict(r) for r in self.runs],
+        }
+
+
+def _figures(share: Share) -> dict[str, Any]:
+    return {"count": share.count, "total": share.total, "interval_95": share.interval}
+
+
+def wilson(count: int, total: int) -> tuple[float, float]:
+    """Wilson's 95 % score interval of a share (Wilson 1927)."""
+    if total == 0:
+        return 0.0, 1.0
+    p, z2 = count / total, Z95 * Z95
+    middle = (p + z2 / (2 * total)) / (1 + z2 / total)
+    half = Z95 / (1 + z2 / total) * math.sqrt(p * (1 - p) / total + z2 / (4 * total * total))
+    # Rounding must not put the share itself outside.
+    return max(0.0, min(p, middle - half)), min(1.0, max(p, middle + half))
+
+
+def worst(runs: Sequence[Run]) -> list[Run]:
+    """The runs that went wrong: crashes, landings on unfit ground, the steepest first, then the longest missed."""
+    bad = [r for r in runs if r.outcome in ("unsafe", "view")]
+    bad.sort(
+        key=lambda r: (r.outcome != "unsafe", -(r.inclination_deg or 0.0) - 1000 * (r.relief or 0.0), r.seed)
+    )
+    return (
+        [r for r in runs if r.crashed]
+        + bad
+        + sorted((r for r in runs if r.outcome == "missed"), key=lambda r: (-r.chance_s, r.seed))
+    )
+
+
+def fly_many(
+    count: int,
+    first_seed: int,
+    jobs: int,
+    config: Path | None = None,
+    overrides: Sequence[str] = (),
+    keep: Path | None = None,
+    progress: Progress = lambda done, total: None,
+    on_wrong: Callable[[Run], None] = lambda run: None,
+) -> Report:
+    """Fly ``count`` random scenarios from ``first_seed`` on in ``jobs`` processes; record the worst under ``keep``.
+
+    ``on_wrong`` is told of a flight that went wrong as soon as it has ended.
+    """
+    started = time.perf_counter()
+    report = Report()
+    seeds = range(first_seed, first_seed + count)
+    for done, run in enumerate(_all(seeds, jobs, config, tuple(overrides)), 1):
+        report.runs.append(run)
+        if run.wrong:
+            on_wrong(run)
+        progress(done, count)
+    report.runs.sort(key=lambda r: r.seed)
+    report.elapsed_s = time.perf_counter() - started
+    if keep is not None:
+        shown = [r for r in worst(report.runs) if not r.crashed][:KEPT_WORST]
+        report.kept = [_keep(r, keep, config, overrides) for r in shown]
+    return report
+
+
+def fly_one(seed: int, config: Path | None = None, overrides: Sequence[str] = ()) -> Run:
+    """Fly the random scenario of a seed and judge it."""
+    scenario = random_scenario(seed)
+    options = LockstepOptions(truth_every=TRUTH_EVERY, stop_at_request=True)
+    limit_deg = scenario.flight_settings(config, overrides).decision.max_inclination_deg
+    return judge(scenario, fly(scenario, config, overrides, options), limit_deg)
+
+
+def judge(scenario: Scenario, result: FlightResult, max_inclination_deg: float) -> Run:
+    """What a flight of a random scenario amounts to."""
+    request = result.requests[0] if result.requests else None
+    below = result.touch_ground or (request.below if request else None)
+    fault = scenario.faults[0].kind if scenario.faults else ""
+    if request is not None and below is not None:
+        outcome = {"fit": "right", "unfit": "view", "between": "between"}[request.fitness]
+        if unsafe(below, max_inclination_deg):
+            outcome = "unsafe"
+    else:
+        outcome = "missed" if result.longest_chance_s >= OPPORTUNITY_S and not fault else "right"
+    return Run(
+        seed=scenario.basics.seed,
+        ground=scenario.basics.description,
+        fault=fault,
+        outcome=outcome,
+        requested_s=None if request is None else round(request.time_s, 3),
+        inclination_deg=None if request is None else round(request.truth.fit_inclination_deg, 2),
+        relief=None if request is None else round(request.truth.relief, 5),
+        patch_inclination_deg=None if below is None else round(below.inclination_deg, 2),
+        patch_deviation_m=None if below is None else round(below.deviation_m, 3),
+        unfit_in_view=result.unfit_seen,
+        fit_s=round(result.longest_fit_s, 2),
+        chance_s=round(result.longest_chance_s, 2),
+        elapsed_s=round(result.elapsed_s, 2),
+    )
+
+
+def _all(seeds: range, jobs: int, config: Path | None, overrides: tuple[str, ...]) -> Iterator[Run]:
+    if jobs == 1 or len(seeds) == 1:
+        for seed in seeds:
+            yield fly_one(seed, config, overrides)
+        return
+    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(variable, "1")
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_quiet) as pool:
+        waiting: set[Future[Run]] = set()
+        flown: dict[Future[Run], int] = {}
+        left = iter(seeds)
+        while True:
+            for seed in left:
+                future = pool.submit(fly_one, seed, config, overrides)
+                waiting.add(future)
+                flown[future] = seed
+                if len(waiting) >= AHEAD * jobs:
+                    break
+            if not waiting:
+                return
+            done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            for future in done:
+                error = future.exception()
+                # A flight that broke the software is a finding, not the end of the others.
+                yield future.result() if error is None else _crashed(flown[future], error)
+
+
+def _crashed(seed: int, error: BaseException) -> Run:
+    scenario = random_scenario(seed)
+    fault = scenario.faults[0].kind if scenario.faults else ""
+    what = f"crashed: {type(error).__name__}: {error}"
+    nothing: tuple[None, None, None, None, None] = (None,) * 5
+    return Run(seed, scenario.basics.description, fault, what, *nothing, False, 0.0, 0.0, 0.0)
+
+
+def _quiet() -> None:
+    """A worker says nothing of what the daemon would log."""
+    logging.basicConfig(level=logging.CRITICAL)
+
+
+def _keep(run: Run, directory: Path, config: Path | None, overrides: Sequence[str]) -> Path:
+    """Fly a run again, the same bit for bit, and leave its scenario and its flight folder."""
+    scenario = random_scenario(run.seed)
+    folder = directory / f"{run.outcome}_{run.seed}"
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "scenario.toml").write_text(to_toml(scenario), encoding="utf-8")
+    fly(scenario, config, overrides, LockstepOptions(record=folder))
+    return folder

@@ -1,0 +1,143 @@
+"""A recorded flight: camera.mkv, frames.csv, vehicle.tlog, camera.yaml and landslope.toml in one folder."""
+
+from collections.abc import Iterator
+from heapq import merge
+from pathlib import Path
+
+from drivers.errors import DriverError
+from drivers.files.frame_table import FrameRow, read_frame_table
+from drivers.files.tlog import read_tlog
+from drivers.files.tlog_survey import STEP_US, ClockStep, survey_tlog
+from drivers.files.video_file import DEFAULT_FPS, Image, VideoFile
+from drivers.mavlink.telemetry import TelemetryDecoder
+from drivers.samples import Frame, Refusal, Sample
+
+VIDEO, STAMPS, TELEMETRY = "camera.mkv", "frames.csv", "vehicle.tlog"
+GAP_MIN = 0.5
+"""Share of a frame's period by which a gap in the presentation times must be longer, and rows may differ from it."""
+
+CALIBRATION, SETTINGS = "camera.yaml", "landslope.toml"
+
+
+class FlightFolder:
+    """A flight folder, looked over when it is opened; ``samples()`` reads it from its beginning.
+
+    ``system_id`` 0 takes the only vehicle in the telemetry. Raises DriverError, naming the file, for what cannot
+    be replayed at all; damage inside of a file comes as refusals among the samples.
+    """
+
+    def __init__(self, path: Path, system_id: int = 0, component_id: int = 1) -> None:
+        self.path = Path(path)
+        if not self.path.is_dir():
+            raise DriverError(f"{path}: there is no such flight folder; check the path")
+        self.video = VideoFile(self.path / VIDEO)
+        self.calibration = _existing(self.path / CALIBRATION)
+        self.settings = _existing(self.path / SETTINGS)
+        self._system_id, self._component_id = system_id, component_id
+        self._tlog = self.path / TELEMETRY
+        if not self._tlog.is_file():
+            raise DriverError(
+                f"{self._tlog}: the telemetry is missing; to go without it, replay {VIDEO} alone"
+            )
+        survey = survey_tlog(self._tlog, component_id)
+        if system_id == 0 and len(survey.vehicles) > 1:
+            ids = " and ".join(map(str, survey.vehicles))
+            raise DriverError(
+                f"{self._tlog}: vehicles {ids} speak in it; set vehicle.system_id to one of them"
+            )
+        if system_id and survey.vehicles and system_id not in survey.vehicles:
+            ids = ", ".join(map(str, survey.vehicles))
+            raise DriverError(
+                f"{self._tlog}: nothing of vehicle {system_id} in it, but of {ids}; set vehicle.system_id"
+            )
+        self._steps = survey.steps
+        self._table = read_frame_table(self.path / STAMPS, survey.steps)
+        rows = list(self._table.rows.values())
+        self.width, self.height = self.video.width, self.video.height
+        self.frame_count = len(rows)
+        self.start_us = min(rows[0].order_us, survey.first_us or rows[0].order_us)
+        self.duration_s = (rows[-1].order_us - rows[0].order_us) * 1e-6
+
+    def samples(self) -> Iterator[Sample]:
+        """Everything recorded, in the order in which it arrived; frames are decoded one at a time."""
+        for _, _, sample in merge(self._telemetry(), self._frames(), key=lambda item: item[:2]):
+            yield sample
+
+    def _telemetry(self) -> Iterator[tuple[int, int, Sample]]:
+        """(order, 0, sample); the order is the arrival with clock steps taken out."""
+        decoder = TelemetryDecoder(self._system_id, self._component_id)
+        shift, previous, order = 0, 0, 0
+        steps = list(self._steps)
+        for sample in read_tlog(self._tlog, decoder):
+            arrival_us = sample.arrival_us
+            if previous and steps and _is_step(steps[0], arrival_us - previous):
+                shift += steps.pop(0).size_us
+            previous = arrival_us or previous
+            order = max(order, arrival_us - shift)
+            yield order, 0, sample
+
+    def _frames(self) -> Iterator[tuple[int, int, Sample]]:
+        """(order, 1, frame or refusal)."""
+        rows = self._table.rows
+        first = next(iter(rows.values()))
+        order, stamp_us, due, decoded = first.order_us, first.stamp_us, 0, 0
+        refusals = list(self._table.refusals)
+        for index, image in self._numbered_images():
+            for lost in range(due, index):
+                if lost in rows:
+                    order, stamp_us = max(order, rows[lost].order_us), rows[lost].stamp_us
+                    detail = f"frame {lost} of {VIDEO}"
+                    yield order, 1, Refusal(stamp_us, "camera", "undecodable_frame", detail)
+            due, decoded = index + 1, decoded + 1
+            row = rows.get(index)
+            if row is None:
+                detail = f"frame {index} of {VIDEO}"
+                yield order, 1, Refusal(stamp_us, "camera", "frame_without_stamp", detail)
+                continue
+            order, stamp_us = max(order, row.order_us), row.stamp_us
+            while refusals and refusals[0].arrival_us < stamp_us:
+                yield order, 1, refusals.pop(0)
+            yield order, 1, Frame(index, stamp_us, stamp_us, image)
+        if decoded == 0:
+            raise DriverError(f"{self.video.path}: not a single frame can be decoded; record or copy it anew")
+        for refusal in refusals:
+            yield order, 1, refusal
+        for number in [n for n in rows if n >= due]:
+            order, stamp_us = max(order, rows[number].order_us), rows[number].stamp_us
+            detail = f"frame {number}: {VIDEO} ends before"
+            yield order, 1, Refusal(stamp_us, "camera", "video_ended", detail)
+
+    def _numbered_images(self) -> Iterator[tuple[int, Image]]:
+        """Frames of the video with their number in frames.csv.
+
+        The rows count the frames as they were written. Where damage took frames out of the video, the gap in its
+        presentation times tells how many rows to pass over: as many as the stamps need to make up for the gap.
+        """
+        rows = self._table.rows
+        period_s = 1 / (self.video.fps or DEFAULT_FPS)
+        number, last_s = -1, 0.0
+        for time_s, image in self.video.timed_images():
+            number += 1
+            before = rows.get(number - 1)
+            if before is not None and time_s - last_s > (1 + GAP_MIN) * period_s:
+                number = self._row_after(before, number, time_s - last_s, period_s)
+            last_s = time_s
+            yield number, image
+
+    def _row_after(self, before: FrameRow, number: int, gap_s: float, period_s: float) -> int:
+        """The row that stands a gap in time behind the row before; the next one, ``number``, if none does."""
+        rows = self._table.rows
+        for later in range(number, number + round(gap_s / period_s) + 1):
+            row = rows.get(later)
+            if row is not None and abs((row.order_us - before.order_us) * 1e-6 - gap_s) < GAP_MIN * period_s:
+                return later
+        return number
+
+
+def _is_step(step: ClockStep, delta_us: int) -> bool:
+    """Whether two arrivals in a row stand on either side of a step of the clock."""
+    return abs(delta_us - step.size_us) < STEP_US
+
+
+def _existing(path: Path) -> Path | None:
+    return path if path.is_file() else None

@@ -1,0 +1,138 @@
+"""Commands to the autopilot through MAVSDK, which hangs on our link by its raw connection."""
+
+import logging
+import threading
+from collections.abc import Callable
+
+import mavsdk
+from mavsdk.plugins.action import Action, ActionError, ActionResult
+
+from drivers.errors import DriverError
+from drivers.mavlink.link import Link
+from drivers.mavlink.outcome import NO_ANSWER, NO_AUTOPILOT, Outcome
+from drivers.samples import CommandAnswer
+from drivers.system.host_clock import now_us
+
+log = logging.getLogger(__name__)
+
+NAV_LAND = 21
+"""MAV_CMD_NAV_LAND."""
+LEVELS = {
+    mavsdk.LogLevel.DEBUG: logging.DEBUG,
+    mavsdk.LogLevel.INFO: logging.DEBUG,  # MAVSDK's daily chatter
+    mavsdk.LogLevel.WARN: logging.INFO,
+    mavsdk.LogLevel.ERROR: logging.WARNING,
+}
+SUBSCRIBED_FIRST = "No raw connection available"
+"""What MAVSDK has to say when the bytes to be sent are subscribed to before there is a connection."""
+FIRST_AUTOPILOT_S = 2.0
+
+
+class Autopilot:
+    """MAVSDK on ``link``. Not to be closed while ``land()`` runs: that call ends by itself within 12 s.
+
+    MAVSDK sends heartbeats as an onboard controller from the moment it is connected.
+    """
+
+    def __init__(self, link: Link) -> None:
+        self._link = link
+        self._mavsdk: mavsdk.Mavsdk | None = None
+        self._action: Action | None = None
+        self._busy = threading.Lock()
+
+    @property
+    def connected(self) -> bool:
+        """Whether MAVSDK has found the vehicle."""
+        return self._action is not None
+
+    def connect(self, timeout_s: float = FIRST_AUTOPILOT_S) -> bool:
+        """Let MAVSDK find the vehicle, once the link has; True when it has. May be called again and again."""
+        if self.connected:
+            return True
+        system_id = self._link.system_id
+        if system_id is None:
+            return False
+        if self._mavsdk is None:
+            self._mavsdk = self._start(system_id)
+        system = self._mavsdk.first_autopilot(timeout_s)
+        if system is None:
+            return False
+        self._action = Action(system)
+        return True
+
+    def land(self) -> Outcome:
+        """Send MAV_CMD_NAV_LAND, once, and wait for its end (MAVSDK repeats it only while no answer comes).
+
+        MAVSDK calls both denials by one name; the autopilot's own answers, read on the link, tell them apart.
+        """
+        return self._command(NAV_LAND, lambda action: action.land())
+
+    def hold(self) -> Outcome:
+        """Ask for hold (PX4) or the mode that MAVSDK takes for it (ArduPilot: LOITER)."""
+        return self._command(None, lambda action: action.hold())
+
+    def close(self) -> None:
+        """Let a command end, then release MAVSDK."""
+        with self._busy:
+            self._action = None
+            instance, self._mavsdk = self._mavsdk, None
+            self._link.raw_out = None
+            if instance is not None:
+                instance.destroy()
+
+    def _start(self, system_id: int) -> mavsdk.Mavsdk:
+        configuration = mavsdk.Configuration.create_with_component_type(
+            mavsdk.ComponentType.COMPANION_COMPUTER
+        )
+        configuration.system_id = system_id
+        configuration.component_id = self._link.options.own_component
+        mavsdk.log_subscribe(_log)
+        instance = mavsdk.Mavsdk(configuration)
+        # In this order, since the first heartbeat goes out with the connection.
+        instance.subscribe_raw_bytes_to_be_sent(self._link.send_raw)
+        result = instance.add_any_connection("raw://")
+        if result != mavsdk.ConnectionResult.SUCCESS:
+            instance.destroy()
+            raise DriverError(f"MAVSDK does not open its raw connection: {result.name}")
+        self._link.raw_out = instance.pass_received_raw_bytes
+        return instance
+
+    def _command(self, command: int | None, call: Callable[[Action], object]) -> Outcome:
+        with self._busy:
+            if self._action is None:
+                return Outcome(NO_AUTOPILOT, (), "NO_SYSTEM")
+            began_us = now_us()
+            try:
+                call(self._action)
+                result = ActionResult.SUCCESS
+            except ActionError as error:
+                result = ActionResult(error.result)
+            answers = tuple(
+                answer.result
+                for answer in tuple(self._link.answers)
+                if _answers(answer, command) and answer.arrival_us >= began_us
+            )
+            return Outcome(_result(result, answers), answers, result.name)
+
+
+def _answers(answer: CommandAnswer, command: int | None) -> bool:
+    return command is None or answer.command == command
+
+
+def _result(result: ActionResult, answers: tuple[str, ...]) -> str:
+    if result == ActionResult.SUCCESS:
+        return "ACCEPTED"
+    final = [answer for answer in answers if answer != "IN_PROGRESS"]
+    if final:
+        return final[-1]
+    if result == ActionResult.NO_SYSTEM:
+        return NO_AUTOPILOT
+    if result in (ActionResult.TIMEOUT, ActionResult.CONNECTION_ERROR):
+        return NO_ANSWER
+    return result.name
+
+
+def _log(level: mavsdk.LogLevel, message: str, file: str | None, line: int) -> bool:
+    if not message.startswith(SUBSCRIBED_FIRST):
+        log.log(LEVELS[level], "mavsdk: %s", message)
+    return True

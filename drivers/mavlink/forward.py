@@ -1,0 +1,47 @@
+"""Other programs beside us: every byte of the vehicle goes to them, every frame of theirs goes to the vehicle."""
+
+from collections.abc import Callable, Sequence
+
+from drivers.mavlink.endpoint import Endpoint
+from drivers.mavlink.framing import FrameSplitter, WireFrame
+from drivers.mavlink.ports import Address
+
+
+class Forwarder:
+    """Endpoints that share the vehicle. ``to_vehicle(frame)`` is called from their threads.
+
+    What they send is cut into whole frames first, so that two programs' bytes never mix within one; bytes that are
+    no frame go no further and are counted in ``garbage_bytes``.
+    """
+
+    def __init__(self, connections: Sequence[str], to_vehicle: Callable[[bytes], bool]) -> None:
+        self.garbage_bytes = 0
+        self._to_vehicle = to_vehicle
+        self._endpoints = [Endpoint(c, self._receiver()) for c in connections]
+
+    def start(self) -> None:
+        """Open them."""
+        for endpoint in self._endpoints:
+            endpoint.start()
+
+    def write(self, data: bytes) -> None:
+        """Bytes of the vehicle, or of ours, to all of them."""
+        for endpoint in self._endpoints:
+            endpoint.write(data)
+
+    def close(self) -> None:
+        """Close them."""
+        for endpoint in self._endpoints:
+            endpoint.close()
+
+    def _receiver(self) -> Callable[[bytes, Address], None]:
+        splitters: dict[Address, FrameSplitter] = {}
+
+        def receive(data: bytes, sender: Address) -> None:
+            for piece in splitters.setdefault(sender, FrameSplitter()).feed(data):
+                if isinstance(piece, WireFrame):
+                    self._to_vehicle(piece.data)
+                else:
+                    self.garbage_bytes += len(piece.data)
+
+        return receive

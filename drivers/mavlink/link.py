@@ -1,0 +1,308 @@
+"""The one MAVLink link: owns the port, believes one vehicle, shares the bytes with MAVSDK and other programs."""
+
+import threading
+from collections import Counter, deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from drivers.events import DriverEvent
+from drivers.mavlink import identity
+from drivers.mavlink.endpoint import Endpoint
+from drivers.mavlink.forward import Forwarder
+from drivers.mavlink.framing import FrameSplitter, Garbage, WireFrame
+from drivers.mavlink.identity import VehicleIdentity
+from drivers.mavlink.message_rates import MessageRates
+from drivers.mavlink.outgoing import Sealer
+from drivers.mavlink.ports import Address
+from drivers.mavlink.signing import Signer, unsigned
+from drivers.mavlink.telemetry import MESSAGE_IDS, TelemetryDecoder
+from drivers.mavlink.timesync import TimeSync
+from drivers.samples import Attitude, CommandAnswer, Heartbeat, Refusal, Sample
+from drivers.system.host_clock import now_us as host_now_us
+
+HOUSEKEEPING_S = 0.1
+REBOOT_BACK_US = 1_000_000
+"""Boot time that falls by more than this is a reboot; by less, a late message."""
+SAY_AGAIN_US = 30_000_000
+"""The same refusal is told as an event at most this often; every one is counted."""
+HEARTBEAT_ID = 0
+KNOCK_EVERY_US = 1_000_000
+DEFAULT_SYSTEM_ID = 1
+"""As which system we speak before any vehicle was heard and none is named."""
+IMU_OF = {"ardupilot": ("RAW_IMU",), "px4": ("HIGHRES_IMU",)}
+"""Autopilot -> the gyro message it sends; an unknown one is asked for both."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkOptions:
+    """How a link is used. ``rates_hz``: message name -> rate; "IMU" stands for the gyro message of the autopilot."""
+
+    connection: str
+    system_id: int = 0
+    autopilot_component: int = 1
+    own_component: int = 191
+    rates_hz: Mapping[str, float] = field(default_factory=dict)
+    forward: Sequence[str] = ()
+    signing_key: bytes | None = None
+    timesync_interval_s: float = 0.2
+
+
+class Link:
+    """Opens the port and keeps it open; hands over samples from a thread of its own.
+
+    ``on_samples(samples)`` and ``on_event(event)`` are called from the link's threads and must return at once.
+    ``on_frame(arrival_us, frame)`` gets every frame of both directions, for a recording. ``raw_out`` is where
+    MAVSDK takes the vehicle's bytes. ``may_beat()`` says whether MAVSDK's heartbeats may go out.
+    """
+
+    def __init__(
+        self,
+        options: LinkOptions,
+        on_samples: Callable[[list[Sample]], None],
+        on_event: Callable[[DriverEvent], None] = lambda event: None,
+        on_frame: Callable[[int, bytes], None] | None = None,
+    ) -> None:
+        self.options = options
+        self.counters: Counter[str] = Counter()
+        self.rates = MessageRates({})
+        self.raw_out: Callable[[bytes], None] | None = None
+        self.may_beat: Callable[[], bool] = lambda: True
+        self.answers: deque[CommandAnswer] = deque(maxlen=64)
+        self.vehicle_found = threading.Event()
+        self._on_samples = on_samples
+        self._on_event = on_event
+        self.on_frame = on_frame
+        self._signer = Signer(options.signing_key) if options.signing_key else None
+        self._sealer = Sealer(options.own_component, self._signer)
+        self._identity = VehicleIdentity(
+            options.system_id, options.autopilot_component, options.own_component
+        )
+        self._decoder = TelemetryDecoder(0, options.autopilot_component, options.own_component)
+        self._parser = dialect.MAVLink(None)
+        self._timesync = TimeSync(options.timesync_interval_s)
+        self._splitters: dict[Address, FrameSplitter] = {}
+        self._autopilot: str | None = None
+        self._boot_us: int | None = None
+        self._said_us: dict[str, int] = {}
+        self._slow: frozenset[str] = frozenset()
+        self._stop = threading.Event()
+        self._port = Endpoint(options.connection, self._receive, self._port_changed)
+        self._forwarder = Forwarder(options.forward, self._port.write)
+        self._keeper = threading.Thread(target=self._keep, name="link housekeeping", daemon=True)
+
+    def start(self) -> None:
+        """Open the ports and begin."""
+        self._forwarder.start()  # first: the vehicle's first bytes are for the others too
+        self._port.start()
+        self._keeper.start()
+
+    def close(self) -> None:
+        """Stop the threads and close the ports."""
+        self._stop.set()
+        if self._keeper.is_alive():
+            self._keeper.join(timeout=3)
+        self._port.close()
+        self._forwarder.close()
+
+    @property
+    def system_id(self) -> int | None:
+        """The vehicle's system id; None as long as none was heard."""
+        return self._identity.system_id if self.vehicle_found.is_set() else None
+
+    @property
+    def ambiguous(self) -> bool:
+        """Whether a second vehicle was heard although the settings name none: nothing may be commanded."""
+        return self._identity.ambiguous
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the port is open."""
+        return self._port.is_open
+
+    def send(self, message: Any) -> bool:
+        """Send a pymavlink message as our component of the vehicle; False while there is no vehicle or no port."""
+        system = self.system_id
+        return system is not None and self._write(self._sealer.pack(message, system))
+
+    def send_raw(self, data: bytes) -> None:
+        """Send what MAVSDK wrote; its heartbeats only while they may go out."""
+        for frame, sealed in self._sealer.take_over(data):
+            if frame.message_id == HEARTBEAT_ID and not self.may_beat():
+                self.counters["heartbeats withheld"] += 1
+            else:
+                self._write(sealed)
+
+    def _write(self, frame: bytes) -> bool:
+        sent = self._port.write(frame)
+        self._forwarder.write(frame)
+        self.counters["frames out" if sent else "frames out lost"] += 1
+        if sent and self.on_frame is not None:
+            self.on_frame(host_now_us(), frame)
+        return sent
+
+    def _receive(self, data: bytes, sender: Address) -> None:
+        now_us = host_now_us()
+        self.counters["bytes in"] += len(data)
+        splitter = self._splitters.setdefault(sender, FrameSplitter())
+        samples: list[Sample] = []
+        for piece in splitter.feed(data):
+            self._forwarder.write(piece.data)
+            if isinstance(piece, Garbage):
+                self.counters["garbage bytes"] += len(piece.data)
+                reason = "bad_checksum" if piece.bad_checksum else "garbage"
+                samples.append(Refusal(now_us, "mavlink", reason, f"{len(piece.data)} bytes"))
+            else:
+                samples += self._frame(piece, sender, now_us)
+        if samples:
+            self._on_samples(samples)
+
+    def _frame(self, frame: WireFrame, sender: Address, now_us: int) -> list[Sample]:
+        self.counters["frames in"] += 1
+        if self.on_frame is not None:
+            self.on_frame(now_us, frame.data)
+        if self._signer is not None:
+            reason = self._signer.refusal(frame)
+            if reason is not None:
+                return self._refuse(reason, frame, sender, now_us)
+        verdict = self._identity.judge(frame, sender, now_us)
+        if verdict == identity.NOBODY_YET:
+            self.counters["frames before a heartbeat"] += 1
+            return []
+        if verdict == identity.OTHER:
+            self.counters["frames of others"] += 1
+            if frame.component != self.options.autopilot_component or frame.message_id not in MESSAGE_IDS:
+                return []
+            verdict = identity.FOREIGN_SYSTEM
+        if verdict != identity.VEHICLE:
+            return self._refuse(verdict, frame, sender, now_us)
+        return self._vehicle_frame(frame, now_us)
+
+    def _refuse(self, reason: str, frame: WireFrame, sender: Address, now_us: int) -> list[Sample]:
+        self.counters[f"refused: {reason}"] += 1
+        who = f"system {frame.system} component {frame.component}"
+        if sender is not None:
+            who += f" at {sender[0]}:{sender[1]}"
+        if now_us - self._said_us.get(reason, -SAY_AGAIN_US) >= SAY_AGAIN_US:
+            self._said_us[reason] = now_us
+            text = f"refused messages of {who}: {reason}"
+            if reason == identity.ANOTHER_VEHICLE:
+                text += "; set vehicle.system_id, nothing is commanded until then"
+            self._event("mavlink_refused", "warning", text, now_us, reason=reason)
+        return [Refusal(now_us, "mavlink", reason.replace(" ", "_"), who)]
+
+    def _vehicle_frame(self, frame: WireFrame, now_us: int) -> list[Sample]:
+        message = None
+        if frame.message_id in MESSAGE_IDS:
+            try:
+                message = self._parser.decode(bytearray(frame.data))
+            except dialect.MAVError as error:
+                return [Refusal(now_us, "mavlink", "undecodable", str(error))]
+            if not self._for_us(message):
+                self.counters["answers to others"] += 1
+                return []
+        self.counters["frames of the vehicle"] += 1
+        if not self.vehicle_found.is_set() and frame.message_id == HEARTBEAT_ID:
+            self._found(now_us)
+        samples: list[Sample] = []
+        if message is not None:
+            self.rates.seen(message.get_type())
+            samples = self._decoder.decode(message, now_us)
+            for sample in samples:
+                self._watch(sample, now_us)
+        # Last, so that an answer is on record before MAVSDK's call returns with it.
+        if self.raw_out is not None:
+            self.raw_out(unsigned(frame.data))
+        return samples
+
+    def _for_us(self, message: Any) -> bool:
+        name = message.get_type()
+        if name == "COMMAND_ACK":
+            ours = (0, self._identity.system_id), (0, self.options.own_component)
+            return message.target_system in ours[0] and message.target_component in ours[1]
+        if name == "TIMESYNC" and message.tc1 != 0:
+            return self._timesync.answers_us(message.tc1, message.ts1)
+        return True
+
+    def _found(self, now_us: int) -> None:
+        self.vehicle_found.set()
+        self._port.believe(self._identity.sender)
+        self._event(
+            "vehicle_found", "info", f"vehicle with system id {self._identity.system_id} found", now_us
+        )
+
+    def _watch(self, sample: Sample, now_us: int) -> None:
+        if isinstance(sample, Heartbeat):
+            self._port.believe(self._identity.sender)
+            if sample.autopilot != self._autopilot:
+                self._autopilot = sample.autopilot
+                self.rates.want(self._wanted(sample.autopilot))
+        elif isinstance(sample, Attitude):
+            if self._boot_us is not None and sample.boot_us < self._boot_us - REBOOT_BACK_US:
+                self.rates.forget()  # the pipeline's clock tells of the reboot
+                self.counters["reboots"] += 1
+            self._boot_us = sample.boot_us
+        elif isinstance(sample, CommandAnswer):
+            self.answers.append(sample)
+
+    def _wanted(self, autopilot: str) -> dict[str, float]:
+        wanted = dict(self.options.rates_hz)
+        imu_hz = wanted.pop("IMU", None)
+        if imu_hz is not None:
+            wanted.update(dict.fromkeys(IMU_OF.get(autopilot, ("RAW_IMU", "HIGHRES_IMU")), imu_hz))
+        return wanted
+
+    def _keep(self) -> None:
+        """Ask for rates and for the time, regularly."""
+        knocked_us = 0
+        while not self._stop.wait(HOUSEKEEPING_S):
+            now_us = host_now_us()
+            if self.system_id is None:
+                if now_us - knocked_us >= KNOCK_EVERY_US:
+                    knocked_us = now_us
+                    self._knock(now_us)
+                continue
+            for request in self.rates.due(now_us):
+                self.send(self._interval_command(request.message_id, request.interval_us))
+            self._tell_slow(now_us)
+            ts1_ns = self._timesync.due(host_now_us())
+            if ts1_ns is not None:
+                self.send(dialect.MAVLink_timesync_message(0, ts1_ns))
+
+    def _knock(self, now_us: int) -> None:
+        """Over UDP and through routers the vehicle speaks only to those who spoke first."""
+        system = self.options.system_id or DEFAULT_SYSTEM_ID
+        self._write(self._sealer.pack(dialect.MAVLink_timesync_message(0, now_us * 1000), system))
+
+    def _interval_command(self, message_id: int, interval_us: int) -> Any:
+        return dialect.MAVLink_command_long_message(
+            self.system_id,
+            self.options.autopilot_component,
+            dialect.MAV_CMD_SET_MESSAGE_INTERVAL,
+            0,
+            message_id,
+            interval_us,
+            0,
+            0,
+            0,
+            0,
+            0,
+        )
+
+    def _tell_slow(self, now_us: int) -> None:
+        slow = self.rates.slow
+        for name in slow.keys() - self._slow:
+            text = f"{name} comes at {slow[name]:.1f} Hz, {self.rates.wanted_hz[name]:g} Hz were asked for"
+            self._event("rate_too_low", "warning", text, now_us, message=name)
+        self._slow = frozenset(slow)
+
+    def _port_changed(self, is_open: bool, why: str) -> None:
+        name, severity = ("link_open", "info") if is_open else ("link_closed", "warning")
+        text = f"{self._port.name} is open" if is_open else why
+        self._splitters.clear()
+        self._event(name, severity, text, host_now_us())
+
+    def _event(self, name: str, severity: str, text: str, now_us: int, **details: Any) -> None:
+        self._on_event(DriverEvent(name, severity, text, now_us, details))

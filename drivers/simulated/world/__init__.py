@@ -1,0 +1,1 @@
+"""Simulated ground and the camera that looks at it: surfaces, textures, lens, rendering, truth."""

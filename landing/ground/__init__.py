@@ -1,0 +1,1 @@
+"""What the plane leaves: relief, roughness, and whether the ground to land on is seen."""

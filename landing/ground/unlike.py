@@ -1,0 +1,70 @@
+"""Ground that has just come into view and looks unlike the rest: it may be another surface, not measured yet.
+
+Parallax shows a step only after some pixels of motion, and hardly where it lies in the shade. Its brightness changes
+at once.
+"""
+
+import math
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from landing.ground.border import SIDES
+from landing.options import EstimatorOptions
+from landing.vision.camera import CameraModel
+
+Image = NDArray[np.uint8]
+
+_OUTER, _INNER = 6, slice(24, 48)
+"""Lines along a side: what has just come in, and what is known."""
+_DARK = 8.0
+"""Grey levels added to both: in the dark a ratio of few levels means nothing."""
+_LEARNT, _LARGEST = 0.02, 2.0
+"""Share of a frame in what is usual, and the largest change that is learnt from as it is, over what is usual."""
+_FIRST = 8
+"""What is assumed at first counts as so many frames."""
+
+
+class _Usual:
+    """How bright one side of the view is against what lies behind it, and how bright it usually is (vignetting)."""
+
+    def __init__(self, axis: int, far: bool, least: float) -> None:
+        self._axis, self._far, self._least = axis, far, least
+        self._usual = math.nan
+        self._scatter = 2 * least
+        self._seen = _FIRST
+
+    def step(self, image: Image) -> float:
+        """How unusual a picture is, over what is usual (one: as usual)."""
+        lines = image if self._axis == 1 else image.T
+        lines = lines[::-1] if self._far else lines
+        now = math.log((_brightness(lines[:_OUTER]) + _DARK) / (_brightness(lines[_INNER]) + _DARK))
+        if math.isnan(self._usual):
+            self._usual = now
+        away = (now - self._usual) / self._scatter
+        learnt = max(_LEARNT, 1 / self._seen)
+        self._usual += learnt * max(-_LARGEST, min(_LARGEST, away)) * self._scatter
+        if abs(away) <= _LARGEST:
+            self._seen += 1
+            self._scatter = max(self._least, self._scatter * math.sqrt(1 + learnt * (away * away - 1)))
+        return abs(away)
+
+
+class Unlike:
+    """Compares the brightness of sides with that of the view behind them, and with what is usual there."""
+
+    def __init__(self, options: EstimatorOptions, camera: CameraModel) -> None:
+        self._possible = min(camera.width, camera.height) >= 2 * _INNER.stop
+        self._sigmas = options.border_unlike_sigmas
+        self._sides = [_Usual(axis, far, options.border_unlike / self._sigmas) for axis, far in SIDES]
+
+    def step(self, image: Image, sides: set[int]) -> set[int]:
+        """Those of ``sides`` (numbers in ``border.SIDES``) at which a raw image (height, width) is unlike."""
+        if not self._possible:
+            return set()
+        return {number for number in sides if self._sides[number].step(image) > self._sigmas}
+
+
+def _brightness(lines: Image) -> float:
+    return float(cv2.mean(lines)[0])

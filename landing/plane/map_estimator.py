@@ -1,0 +1,183 @@
+"""The default estimator: exact plane fit over the best baseline, fused over time, motion from the newest interval."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from landing.motion.velocity import velocity
+from landing.motion.views import Baseline, Views
+from landing.options import EstimatorOptions
+from landing.plane.evidence import Evidence, EvidenceOptions, slope_std
+from landing.plane.plane import Plane, RotationError
+from landing.plane.planefit import FitPrior, PlaneFit, fit_plane
+
+Array = NDArray[np.float64]
+
+_SAMPLE = 40
+"""Tracks that the choice of the baseline looks at."""
+
+
+class MapEstimator:
+    """Maximum a posteriori plane between the newest frame and the older one that tells most about it."""
+
+    def __init__(self, options: EstimatorOptions, focal_px: float, capacity: int) -> None:
+        o = options
+        self.options, self.focal_px = o, focal_px
+        self.evidence = Evidence(
+            EvidenceOptions(
+                o.memory_s,
+                math.tan(math.radians(o.drift_std_deg)),
+                o.agreement,
+                o.agreement_alone,
+                o.overlap,
+                math.tan(math.radians(o.systematic_std_deg)),
+            )
+        )
+        self._normal: Array | None = None
+        self._weight = np.ones(capacity)
+        self._noise = 1.0
+        self._rate = np.full(3, math.nan)
+
+    def step(self, views: Views) -> Plane:
+        """The plane at the newest frame."""
+        o = self.options
+        if views.longest < 1:
+            self._normal = None
+            return Plane("starting")
+        if views.corrected:
+            self.evidence.clear()
+        gap, flow_px = self._choose(views)
+        baseline = views.baseline(gap)
+        if len(baseline.tracks.slots) < o.min_tracks:
+            self._normal = None
+            return Plane("too_few_tracks")
+        fit = self._fit(views, baseline) if flow_px >= o.map_min_flow_px else None
+        newest = views.newest
+        if fit is not None and newest.ned_from_camera is not None and baseline.derotated:
+            self.evidence.add(
+                views.tracker.frame,
+                newest.time_s,
+                newest.ned_from_camera,
+                fit.a,
+                fit.b,
+                fit.covariance[3:5, 3:5],
+                gap,
+            )
+        if newest.ned_from_camera is None or not baseline.derotated:
+            if fit is None:
+                return Plane("motion_too_small", gap=gap)
+            return self._plane(views, baseline, fit, fit.a, fit.b, fit.covariance[3:5, 3:5])
+        if fit is None and not self._still_seen(views):
+            self.evidence.clear()
+        fused = self.evidence.fuse(newest.time_s, newest.ned_from_camera)
+        if fused is None:
+            return Plane("motion_too_small", gap=gap)
+        return self._plane(views, baseline, fit, *fused)
+
+    def _choose(self, views: Views) -> tuple[int, float]:
+        """The gap of most information, about tracks times flow squared, within the limits; and its RMS flow."""
+        o = self.options
+        gaps, count, flow = views.profile(o.min_tracks, o.map_keep_tracks, _SAMPLE)
+        flow_px = flow * self.focal_px
+        information = np.where(flow_px <= o.map_max_flow_px, count * flow_px**2, -1.0)
+        best = int(information.argmax())
+        return int(gaps[best]), float(flow_px[best])
+
+    def _still_seen(self, views: Views) -> bool:
+        """Whether most of what is in view was in view when the remembered slopes were measured."""
+        frame = self.evidence.newest_frame
+        if frame is None:
+            return False
+        tracker = views.tracker
+        born = tracker.born[tracker.alive]
+        return len(born) > 0 and float((born <= frame).mean()) >= self.options.keep_seen
+
+    def _fit(self, views: Views, baseline: Baseline) -> PlaneFit | None:
+        o = self.options
+        if baseline.derotated:
+            std = np.array((o.rotation_std_rad, o.rotation_std_rad, o.yaw_std_rad))
+            std = np.hypot(std, baseline.rotation_std_rad)
+        else:
+            std = np.full(3, o.unmeasured_rotation_std_rad)
+        prior = FitPrior(std, o.slope_std, noise_floor=o.noise_floor, noise_cap=o.noise_cap)
+        tracks = baseline.tracks
+        fit = None
+        start = self._predicted(views, baseline.interval_s)
+        if start is not None:
+            fit = self._refine(baseline, prior, start, (self._weight[tracks.slots], self._noise))
+        if fit is None or np.count_nonzero(fit.weight) < o.restart_below * len(fit.weight):
+            # a wrong plane would otherwise carry itself on
+            other = self._refine(baseline, prior)
+            if fit is None or (other is not None and other.noise < fit.noise):
+                fit = other
+        return fit
+
+    def _predicted(self, views: Views, interval_s: float) -> tuple[Array, float, float] | None:
+        """(t, a, b) of the last plane and motion, over ``interval_s``, in the axes of the newest frame."""
+        if self._normal is None or not math.isfinite(self._rate[0]):
+            return None
+        t, normal = self._rate * interval_s, self._normal
+        last_from_new = views.rotation(1)
+        if last_from_new is not None:
+            t, normal = t @ last_from_new, normal @ last_from_new
+        x, y, z = normal.tolist()
+        return t, -x / z, -y / z
+
+    def _refine(
+        self,
+        baseline: Baseline,
+        prior: FitPrior,
+        start: tuple[Array, float, float] | None = None,
+        carried: tuple[Array, float] | None = None,
+    ) -> PlaneFit | None:
+        t = baseline.tracks
+        rotation, cut = baseline.old_from_new, self.options.map_cut
+        return fit_plane(t.new, t.old, rotation, t.whitener, prior, start, carried, cut)
+
+    def _plane(
+        self, views: Views, baseline: Baseline, fit: PlaneFit | None, a: float, b: float, covariance: Array
+    ) -> Plane:
+        o = self.options
+        normal = np.array((-a, -b, 1.0))
+        if fit is not None:
+            self._weight[:] = 1.0
+            self._weight[baseline.tracks.slots] = fit.weight
+            self._noise = fit.noise
+        self._normal = normal
+        moving = velocity(views, normal, self._weight, self._noise, baseline.rotation_std_rad, o)
+        omega, omega_std = moving if moving is not None else (np.full(3, math.nan), np.full(3, math.nan))
+        self._rate = -omega if fit is None else fit.t / baseline.interval_s
+        divergence = float(2 * omega[2] + omega[0] * a + omega[1] * b)
+        status = (
+            "ok"
+            if slope_std(covariance) <= math.tan(math.radians(o.max_slope_std_deg))
+            else "slope_uncertain"
+        )
+        ttc = 2 / divergence if divergence > 0 else math.nan
+        if fit is None:
+            return Plane(status, a, b, covariance, omega, omega_std, divergence, ttc)
+        inlier = fit.weight > 0
+        return Plane(
+            status,
+            a,
+            b,
+            covariance,
+            omega,
+            omega_std,
+            divergence,
+            ttc,
+            baseline.gap,
+            fit.t,
+            fit.old_from_new,
+            baseline.tracks.slots,
+            inlier,
+            fit.weight,
+            fit.residual,
+            fit.noise,
+            np.count_nonzero(inlier) / len(inlier),
+            float(np.hypot(*fit.residual.T).sum()) / len(inlier),
+            RotationError(fit.d, fit.covariance[5:, 5:], fit.prior.rotation_std)
+            if baseline.derotated
+            else None,
+        )

@@ -1,0 +1,208 @@
+"""The daemon's own life: answers to its command, a hung pipeline, its end, a second one, a bus that comes and goes."""
+
+import socket
+import threading
+import time
+from dataclasses import replace
+
+import flight_edits as edits
+import pytest
+import vehicle_support as vs
+from daemon_support import DaemonBench, free_tcp_port, wait_for
+from flight_edits import During
+
+from companion.live.inputs import Inputs
+from drivers.bus import Endpoints, Subscription, open_session
+from drivers.errors import DriverError
+
+
+@pytest.mark.parametrize(
+    ("answer", "event", "word"),
+    [
+        (vs.DENIED, "landing_refused", "denied"),
+        (vs.TEMPORARILY_REJECTED, "landing_refused", "temporarily rejected"),
+        (vs.SILENCE, "landing_failed", "no answer"),
+    ],
+)
+def test_a_refused_or_unanswered_command_is_told_and_not_repeated(tmp_path, answer, event, word) -> None:
+    with DaemonBench(tmp_path, (0.0, 5.0), answer=answer) as bench:
+        bench.play_to_end()
+        (ended,) = bench.events(event)
+        assert word in ended["text"]
+        texts = [m.text for m in bench.vehicle.received if m.get_type() == "STATUSTEXT"]
+        assert len([t for t in texts if word in t]) == 1
+        commands = [t for t, c in bench.vehicle.commands if c.command == 21]
+        assert commands[-1] - commands[0] < 2.0, "only MAVSDK's own repetitions"
+        assert bench.of("decision")[-1]["command"].endswith(word)
+
+
+def test_a_request_that_hung_is_not_sent(tmp_path, monkeypatch) -> None:
+    with DaemonBench(tmp_path, (0.0, 6.0)) as bench:
+        request = bench.daemon._request
+        late = lambda r: request(replace(r, time_unix_us=r.time_unix_us - 1_500_000))  # noqa: E731
+        monkeypatch.setattr(bench.daemon, "_request", late)
+        bench.play()
+        wait_for(lambda: bench.events("landing_failed"), "end of the command")
+        (failed,) = bench.events("landing_failed")
+        assert "too late" in failed["text"]
+        assert not bench.vehicle.land_commands()
+
+
+def test_stopping_lets_a_command_get_its_answer(tmp_path) -> None:
+    answer = ((0.0, vs.dialect.MAV_RESULT_IN_PROGRESS), (1.5, vs.dialect.MAV_RESULT_ACCEPTED))
+    with DaemonBench(tmp_path, (0.0, 5.0), answer=answer) as bench:
+        bench.play()
+        wait_for(bench.vehicle.land_commands, "command")
+        bench.daemon.stop()
+        wait_for(lambda: bench.events("landing_accepted"), "answer", 10)
+        assert bench.vehicle.mode == vs.COPTER_LAND, "and it is not taken back"
+
+
+def test_stopping_takes_less_than_two_seconds(tmp_path) -> None:
+    with DaemonBench(tmp_path, (0.0, 3.0), settings=("landing.enabled=false",)) as bench:
+        bench.play()
+        wait_for(lambda: bench.of("estimate"), "estimate")
+        stopped = time.monotonic()
+        bench.daemon.stop()
+        bench.join(10)
+        assert time.monotonic() - stopped < 2.0
+        wait_for(lambda: not bench.alive, "end of the liveliness token", 5)
+
+
+def test_a_hung_pipeline_stops_heartbeats_and_watchdog(tmp_path, monkeypatch) -> None:
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    listener.bind(str(tmp_path / "notify"))
+    listener.settimeout(0.05)
+    monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+    monkeypatch.setenv("WATCHDOG_USEC", "300000")
+    told: list[tuple[float, str]] = []
+    done = threading.Event()
+
+    def listen() -> None:
+        while not done.is_set():
+            try:
+                told.append((time.monotonic(), listener.recv(4096).decode()))
+            except TimeoutError:
+                continue
+
+    thread = threading.Thread(target=listen)
+    thread.start()
+    settings = ("landing.enabled=false", "mavlink.heartbeat_max_age_s=0.5")
+    try:
+        with DaemonBench(tmp_path, (0.0, 8.0), settings=settings) as bench:
+            bench.play()
+            wait_for(lambda: bench.vehicle.beats, "heartbeat")
+            feed = bench.daemon.pipeline.feed
+            hung = threading.Event()
+
+            def hang(samples) -> None:
+                monkeypatch.setattr(bench.daemon.pipeline, "feed", feed)
+                hung.set()
+                time.sleep(3.0)
+
+            monkeypatch.setattr(bench.daemon.pipeline, "feed", hang)
+            assert hung.wait(5)
+            began = time.monotonic()
+            time.sleep(2.9)
+            silent = (began + 0.6, began + 2.9)
+            assert not [t for t in bench.vehicle.beats if silent[0] < t < silent[1]]
+            assert not [t for t, what in told if "WATCHDOG" in what and silent[0] < t < silent[1]]
+            count = len(bench.vehicle.beats)
+            wait_for(lambda: len(bench.vehicle.beats) > count, "heartbeats after it came to itself")
+            wait_for(lambda: told[-1][0] > silent[1] and "WATCHDOG" in told[-1][1], "watchdog message")
+    finally:
+        done.set()
+        thread.join()
+        listener.close()
+    assert told[0][1] == "READY=1"
+    assert told[-1][1] == "STOPPING=1"
+
+
+def test_a_second_daemon_for_the_same_vehicle_says_so(tmp_path) -> None:
+    with DaemonBench(tmp_path) as bench, pytest.raises(DriverError, match="already runs for vehicle"):
+        Inputs(bench.settings, bench.camera)
+
+
+def test_camera_and_autopilot_may_come_in_any_order(tmp_path) -> None:
+    camera_late = edits.unplugged(During(-9.0, 1.5))
+    with DaemonBench(tmp_path, (0.0, 4.0), edit_frames=camera_late) as bench:
+        bench.play_to_end()
+        assert len(bench.vehicle.land_commands()) == 1
+        first = min(bench.at_s(e) for e in bench.of("estimate") if e["status"] != "starting")
+        assert first < 1.5 + 2.0
+
+
+def test_router_absent_at_the_start_gone_and_back(tmp_path) -> None:
+    port = free_tcp_port()
+    settings = (
+        "landing.enabled=false",
+        f"zenoh.connect=tcp/127.0.0.1:{port}",
+        "zenoh.listen=",
+        "zenoh.mode=client",
+    )
+
+    def router() -> object:
+        return open_session(Endpoints(mode="router", listen=(f"tcp/127.0.0.1:{port}",)))
+
+    with DaemonBench(tmp_path, (0.0, 16.0), settings=settings, listen=False) as bench:
+        bench.play()
+        for _ in range(2):
+            time.sleep(0.5)
+            session = router()
+            with Subscription(
+                Endpoints("client", (f"tcp/127.0.0.1:{port}",)), bench.settings.vehicle.name
+            ) as watcher:
+                deadline = time.monotonic() + 12
+                while True:
+                    delivery = watcher.receive(0.2)
+                    if delivery is not None and delivery.topic == "estimate":
+                        break
+                    assert time.monotonic() < deadline, "no estimate through the router"
+            session.close()
+        assert bench.daemon_thread.is_alive()
+
+
+def test_a_subscriber_that_never_reads_holds_nothing_up(tmp_path) -> None:
+    with DaemonBench(tmp_path, (0.0, 4.0)) as bench:
+        blocked = threading.Event()
+        session = open_session(bench.endpoints)
+        session.declare_subscriber("landslope/**", lambda sample: blocked.wait(60))
+        bench.play_to_end()
+        blocked.set()
+        session.close()
+        assert len(bench.vehicle.land_commands()) == 1
+        assert len(bench.of("estimate")) > 100
+
+
+def test_setting_the_wall_clock_changes_nothing(tmp_path, monkeypatch) -> None:
+    true_time, true_time_ns = time.time, time.time_ns
+    with DaemonBench(tmp_path, (0.0, 4.0)) as bench:
+        bench.play()
+        wait_for(lambda: bench.of("estimate"), "estimate")
+        monkeypatch.setattr(time, "time", lambda: true_time() - 86400)
+        monkeypatch.setattr(time, "time_ns", lambda: true_time_ns() - 86400 * 10**9)
+        assert bench.vehicle.played.wait(30)
+        assert len(bench.vehicle.land_commands()) == 1
+        assert not bench.events("clock_jumped")
+        assert not bench.events("frames_jumped")
+
+
+def test_recording_that_cannot_be_written_costs_no_flight(tmp_path) -> None:
+    settings = (f"record.directory={tmp_path}", "record.when=always", "record.min_free_mb=1000000")
+    with DaemonBench(tmp_path, (0.0, 6.0), settings=settings) as bench:
+        bench.play()
+        wait_for(bench.vehicle.land_commands, "landing")
+        assert bench.events("recording_refused")
+
+
+def test_recorded_flight_can_be_replayed(tmp_path) -> None:
+    from companion.replay.replay import ReplayJob, replay
+
+    settings = (f"record.directory={tmp_path}", "record.when=armed")
+    with DaemonBench(tmp_path, (0.0, 3.0), settings=settings) as bench:
+        bench.play_to_end()
+        live = len([e for e in bench.of("estimate") if e["status"] == "ok"])
+    (folder,) = [p for p in tmp_path.iterdir() if p.is_dir() and (p / "vehicle.tlog").exists()]
+    text = replay(ReplayJob("flight", folder))
+    assert "estimates" in text
+    assert live > 20

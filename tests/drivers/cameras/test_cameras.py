@@ -1,0 +1,412 @@
+"""Every kind of camera, over real sockets where there are any, and what happens when they fail."""
+
+import shutil
+import socket
+import subprocess
+import sys
+import threading
+import time
+import types
+from itertools import pairwise
+
+import cv2
+import numpy as np
+import pytest
+from camera_support import SITL_LOGS, MjpegServer, moving, rtsp_server, textured
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.cameras import Camera, CameraFormat, Grab, ReaderLimits, open_camera
+from drivers.cameras.checks import FrameCheck
+from drivers.cameras.grey import grey_of
+from drivers.cameras.picamera import PicameraGrabber
+from drivers.cameras.reader import ReaderCamera
+from drivers.cameras.stamping import MinimumDelayStamper
+from drivers.cameras.v4l2 import V4l2Grabber
+from drivers.errors import DriverError
+from drivers.samples import Frame, Refusal
+from drivers.system.host_clock import from_monotonic_us, now_us
+
+QUICK = ReaderLimits(open_timeout_s=2.0, read_timeout_s=0.4, first_retry_s=0.05, longest_retry_s=0.2)
+PATIENCE_S = 20.0
+
+
+def collect(camera: Camera, count: int) -> list[Frame]:
+    """The next ``count`` frames."""
+    frames: list[Frame] = []
+    until = time.monotonic() + PATIENCE_S
+    while len(frames) < count and time.monotonic() < until:
+        frames += [s for s in camera.read(0.2) if isinstance(s, Frame)]
+    assert len(frames) >= count, camera.status()
+    return frames
+
+
+def await_state(camera: Camera, state: str) -> None:
+    """Wait until the camera is in a state."""
+    until = time.monotonic() + PATIENCE_S
+    while camera.status().state != state:
+        assert time.monotonic() < until, camera.status()
+        time.sleep(0.02)
+
+
+def adds_up(camera: Camera) -> bool:
+    """Whether the counters account for every frame."""
+    s = camera.status()
+    return s.grabbed == s.delivered + s.skipped + s.waiting + sum(s.refused.values())
+
+
+class ScriptedGrabber:
+    """A grabber that does what a test says, frame by frame."""
+
+    def __init__(self, actions) -> None:
+        self._actions = actions
+
+    def open(self) -> None:
+        pass
+
+    def grab(self) -> Grab | None:
+        action = next(self._actions, "end")
+        if action == "end":
+            return None
+        if isinstance(action, Exception):
+            raise action
+        if isinstance(action, threading.Event):
+            action.wait()
+            raise DriverError("woken too late")
+        return action
+
+    def close(self) -> None:
+        pass
+
+
+def test_http_stream_comes_at_its_pace_and_back_after_silence_and_a_cut():
+    with MjpegServer(moving()) as server, open_camera(server.url, limits=QUICK) as camera:
+        frames = collect(camera, 20)
+        assert frames[0].image.shape == (120, 160)
+        assert frames[0].image.dtype == np.uint8
+        assert all(b.stamp_us > a.stamp_us for a, b in pairwise(frames))
+        assert abs(now_us() - frames[-1].stamp_us) < 2_000_000
+        server.pause.set()
+        await_state(camera, "lost")
+        assert "no frame" in camera.status().problem or "stopped" in camera.status().problem
+        server.pause.clear()
+        collect(camera, 5)
+        server.drop.set()
+        await_state(camera, "lost")
+        collect(camera, 5)
+        names = [event.event for event in camera.events()]
+        assert names.count("camera_lost") >= 2
+        assert names.count("camera_back") >= 2
+        assert camera.status().reopened >= 2
+        assert adds_up(camera)
+
+
+def test_slow_consumer_gets_the_newest_frame_and_the_rest_is_counted():
+    with MjpegServer(moving(), rate_hz=60) as server, open_camera(server.url, limits=QUICK) as camera:
+        collect(camera, 3)
+        time.sleep(0.6)
+        late = [s for s in camera.take() if isinstance(s, Frame)]
+        assert len(late) == 1
+        assert now_us() - late[0].arrival_us < 400_000
+        assert camera.status().skipped > 5
+        assert adds_up(camera)
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="the RTSP server sends by ffmpeg")
+def test_rtsp_stream_with_the_senders_times():
+    with rtsp_server(SITL_LOGS / "stairs_a" / "camera.mkv") as url, open_camera(url) as camera:
+        frames = collect(camera, 40)
+    steps_ms = np.diff([frame.stamp_us for frame in frames]) / 1000
+    per_frame_ms = steps_ms / np.diff([frame.number for frame in frames])
+    assert np.median(per_frame_ms) == pytest.approx(1000 / 30, abs=2)
+    assert frames[0].image.shape == (240, 320)
+
+
+def test_flight_folder_plays_at_its_recorded_pace_and_ends(tmp_path):
+    source = SITL_LOGS / "stairs_a"
+    shutil.copy(source / "camera.mkv", tmp_path / "camera.mkv")
+    lines = (source / "frames.csv").read_text().splitlines()[:31]
+    (tmp_path / "frames.csv").write_text("\n".join(lines) + "\n")
+    recorded = np.diff([int(line.split(",")[1]) for line in lines[1:]])
+    with open_camera(str(tmp_path)) as camera:
+        frames = [s for s in camera.frames() if isinstance(s, Frame)]
+        status = camera.status()
+    assert status.state == "ended"
+    assert status.grabbed == 30
+    assert status.reopened == 0
+    played = {b.number: b.stamp_us - a.stamp_us for a, b in pairwise(frames) if b.number == a.number + 1}
+    assert len(played) > 10
+    assert all(step == recorded[number - 1] for number, step in played.items())
+
+
+def test_faulty_frames_are_refused_by_name_and_counted():
+    start = now_us()
+    small = textured(9, 80, 60)
+    actions = [
+        Grab(textured(0), start),
+        Grab(textured(0), start + 1000),  # frozen
+        Grab(textured(1), start),  # the same stamp
+        Grab(textured(1), start - 500),  # backward
+        Grab(small, start + 2000),  # another size
+        Grab(textured(2), start + 3000),
+    ]
+    camera = ReaderCamera("test", lambda: ScriptedGrabber(iter(actions)), QUICK)
+    samples = list(camera.frames())
+    camera.close()
+    refused = [s.reason for s in samples if isinstance(s, Refusal)]
+    assert refused == ["picture repeated", "stamp repeated", "stamp backward", "size changed"]
+    assert "80 x 60 instead of 160 x 120" in [s.detail for s in samples if isinstance(s, Refusal)][-1]
+    assert camera.status().refused == dict.fromkeys(refused, 1)
+    assert adds_up(camera)
+
+
+def test_a_read_that_hangs_is_given_up_and_its_late_frames_ignored():
+    hang = threading.Event()
+    lives = iter(
+        [
+            iter([Grab(textured(0), now_us()), hang]),
+            iter([Grab(textured(k), now_us() + k) for k in range(1, 4)]),
+        ]
+    )
+    camera = ReaderCamera("test", lambda: ScriptedGrabber(next(lives)), QUICK)
+    list(camera.frames())
+    status = camera.status()
+    assert status.state == "ended"
+    assert status.grabbed == 4
+    assert status.reopened == 1
+    assert status.hanging_reads == 1
+    assert [e.event for e in camera.events()][:2] == ["camera_lost", "camera_back"]
+    hang.set()
+    camera.close()
+
+
+def test_readers_that_all_hang_do_not_pile_up_and_closing_is_quick():
+    hang = threading.Event()
+    started = []
+
+    def make() -> ScriptedGrabber:
+        started.append(1)
+        return ScriptedGrabber(iter([hang]))
+
+    limits = ReaderLimits(
+        open_timeout_s=0.1, read_timeout_s=0.1, first_retry_s=0.01, longest_retry_s=0.01, max_hanging_reads=2
+    )
+    camera = ReaderCamera("test", make, limits)
+    time.sleep(1.5)
+    assert len(started) == 2
+    assert camera.status().state == "lost"
+    before = time.monotonic()
+    camera.close()
+    assert time.monotonic() - before < 3
+    hang.set()
+
+
+def test_missing_device_is_waited_for_and_named(tmp_path):
+    with open_camera("/dev/video77", limits=QUICK) as camera:
+        await_state(camera, "lost")
+        assert "/dev/video77: no such camera" in camera.status().problem
+
+
+@pytest.mark.parametrize("source", ["", "nowhere.mkv", "ftp://x/y", "picamera:one"])
+def test_a_source_that_is_none_says_what_may_stand_there(source):
+    with pytest.raises(DriverError, match="rtsp://"):
+        open_camera(source)
+
+
+class FakeV4l2:
+    """cv2.VideoCapture's way with a V4L2 device: properties, kernel stamps, buffers."""
+
+    def __init__(self, clock_us, fixed_size=(160, 120), alive=10) -> None:
+        self.clock_us, self.alive = clock_us, alive
+        self.props = {cv2.CAP_PROP_FRAME_WIDTH: fixed_size[0], cv2.CAP_PROP_FRAME_HEIGHT: fixed_size[1]}
+        self.sizes, self.released, self.stamp_us, self.count = (fixed_size,), False, 0, 0
+
+    def isOpened(self) -> bool:
+        return True
+
+    def set(self, prop, value) -> bool:
+        if prop not in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT):
+            self.props[prop] = value
+        return True
+
+    def get(self, prop) -> float:
+        return self.stamp_us / 1000 if prop == cv2.CAP_PROP_POS_MSEC else self.props.get(prop, -1.0)
+
+    def grab(self) -> bool:
+        self.count += 1
+        self.stamp_us = self.clock_us() - 7000
+        return self.count <= self.alive
+
+    def retrieve(self):
+        yuyv = np.dstack([textured(self.count), np.full((120, 160), 128, np.uint8)])
+        return True, yuyv
+
+    def release(self) -> None:
+        self.released = True
+
+
+def v4l2(monkeypatch, tmp_path, device: FakeV4l2, wanted: CameraFormat) -> V4l2Grabber:
+    path = tmp_path / "video0"
+    path.touch()
+    monkeypatch.setattr(cv2, "VideoCapture", lambda *args: device)
+    return V4l2Grabber(str(path), wanted)
+
+
+def test_v4l2_takes_the_kernels_stamp_and_fixes_exposure_gain_and_format(monkeypatch, tmp_path):
+    device = FakeV4l2(lambda: time.monotonic_ns() // 1000)
+    wanted = CameraFormat(160, 120, 30, exposure_us=2000, gain=16, pixel_format="YUYV")
+    grabber = v4l2(monkeypatch, tmp_path, device, wanted)
+    grabber.open()
+    grab = grabber.grab()
+    assert grab.captured_us == from_monotonic_us(device.stamp_us)
+    assert np.array_equal(grab.image, textured(1))
+    assert device.props[cv2.CAP_PROP_AUTO_EXPOSURE] == 1
+    assert device.props[cv2.CAP_PROP_EXPOSURE] == 20
+    assert device.props[cv2.CAP_PROP_GAIN] == 16
+    assert device.props[cv2.CAP_PROP_FPS] == 30
+    assert device.props[cv2.CAP_PROP_CONVERT_RGB] == 0
+    for _ in range(device.alive - 1):
+        grabber.grab()
+    with pytest.raises(DriverError, match="unplugged"):
+        grabber.grab()
+    grabber.close()
+    assert device.released
+
+
+def test_v4l2_stamps_of_another_clock_give_way_to_the_arrival(monkeypatch, tmp_path, caplog):
+    device = FakeV4l2(lambda: time.time_ns() // 1000)
+    grabber = v4l2(monkeypatch, tmp_path, device, CameraFormat(pixel_format="YUYV"))
+    grabber.open()
+    stamps = [grabber.grab().captured_us for _ in range(3)]
+    assert all(abs(now_us() - stamp) < 1_000_000 for stamp in stamps)
+    assert caplog.text.count("monotonic clock") == 1
+
+
+def test_v4l2_size_that_the_device_does_not_have_is_refused(monkeypatch, tmp_path):
+    device = FakeV4l2(lambda: time.monotonic_ns() // 1000)
+    grabber = v4l2(monkeypatch, tmp_path, device, CameraFormat(640, 480))
+    with pytest.raises(DriverError, match="gives 160 x 120, not the 640 x 480"):
+        grabber.open()
+
+
+class FakePicamera2:
+    """picamera2's way with a sensor: a configuration, then completed requests of padded YUV 4:2:0."""
+
+    def __init__(self, number: int) -> None:
+        if number > 0:
+            raise IndexError("list index out of range")
+        self.running = False
+
+    def create_video_configuration(self, **configuration):
+        return configuration
+
+    def configure(self, configuration) -> None:
+        self.configuration = configuration
+
+    def start(self) -> None:
+        self.running = True
+
+    def capture_request(self):
+        self.stamp_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - 12_000_000
+        return self
+
+    def make_array(self, name: str):
+        return np.full((180, 192), 60, np.uint8)
+
+    def get_metadata(self):
+        return {"SensorTimestamp": self.stamp_ns}
+
+    def release(self) -> None:
+        return
+
+    def stop(self) -> None:
+        self.running = False
+
+    def close(self) -> None:
+        return
+
+
+@pytest.fixture
+def picamera2(monkeypatch):
+    module = types.SimpleNamespace(Picamera2=FakePicamera2)
+    monkeypatch.setitem(sys.modules, "picamera2", module)
+
+
+def test_picamera_is_fixed_and_stamped_by_the_sensor(picamera2):
+    grabber = PicameraGrabber(0, CameraFormat(160, 120, 50, exposure_us=3000, gain=2.0))
+    grabber.open()
+    grab = grabber.grab()
+    assert grab.image.shape == (120, 160)
+    assert now_us() - grab.captured_us == pytest.approx(12_000, abs=5_000)
+    controls = grabber._camera.configuration["controls"]
+    assert controls["FrameDurationLimits"] == (20_000, 20_000)
+    assert (controls["AeEnable"], controls["ExposureTime"], controls["AnalogueGain"]) == (False, 3000, 2.0)
+    grabber.close()
+    assert not grabber._camera.running
+
+
+def test_picamera_that_is_not_there(picamera2):
+    with pytest.raises(DriverError, match=r"Raspberry Pi camera 1: .*cable"):
+        PicameraGrabber(1, CameraFormat()).open()
+
+
+def test_picamera_without_the_library_says_what_to_install():
+    with pytest.raises(DriverError, match="python3-picamera2"):
+        PicameraGrabber(0, CameraFormat()).open()
+
+
+@given(
+    jitter_us=st.lists(st.integers(0, 40_000), min_size=30, max_size=60),
+    offset_us=st.integers(-(10**12), 10**12),
+)
+def test_stamping_takes_the_jitter_out_up_to_the_least_delay(jitter_us, offset_us):
+    stamper = MinimumDelayStamper()
+    jitter_us[0] = 0
+    for k, extra_us in enumerate(jitter_us):
+        sent_us = k * 33_333
+        assert stamper.stamp(sent_us, sent_us + offset_us + extra_us) == sent_us + offset_us
+
+
+def test_stamping_starts_anew_when_presentation_times_fall_back():
+    stamper = MinimumDelayStamper()
+    stamper.stamp(5_000_000, 100_000_000)
+    assert stamper.stamp(0, 100_033_000) == 100_033_000
+    assert stamper.stamp(33_000, 100_070_000) == 100_066_000
+
+
+@given(st.integers(1, 6).filter(lambda channels: channels not in (1, 2, 3, 4)))
+def test_pictures_with_odd_channels_are_refused(channels):
+    with pytest.raises(DriverError, match="shape"):
+        grey_of(np.zeros((4, 4, channels), np.uint8))
+
+
+def test_grey_of_planar_yuv_is_its_first_rows():
+    planar = np.vstack([textured(0), np.full((60, 160), 128, np.uint8)])
+    assert np.array_equal(grey_of(planar, 120), textured(0))
+
+
+def test_check_takes_up_again_after_refusals():
+    check = FrameCheck()
+    good = [Frame(k, 1000 * k, 1000 * k, textured(k)) for k in range(3)]
+    assert check.check(good[0]) is good[0]
+    assert isinstance(check.check(Frame(9, 0, 0, textured(5))), Refusal)
+    assert check.check(good[1]) is good[1]
+
+
+def test_the_command_ends_well_while_a_read_hangs():
+    """A server that takes the call and never says a word; the process must end with its own code, and soon."""
+    with socket.socket() as silent:
+        silent.bind(("127.0.0.1", 0))
+        silent.listen()
+        source = f"camera.source=rtsp://127.0.0.1:{silent.getsockname()[1]}/live"
+        words = ["doctor", "--seconds", "3", "--set", source, "--set", "camera.open_timeout_s=60"]
+        done = subprocess.run(
+            [sys.executable, "-m", "companion.cli", *words],
+            capture_output=True,
+            text=True,
+            timeout=40,
+            check=False,
+        )
+    assert done.returncode == 2, done.stderr
+    assert "no frame came" in done.stdout
+    assert "0 failure" not in done.stdout.splitlines()[-1]

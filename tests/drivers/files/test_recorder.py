@@ -1,0 +1,260 @@
+"""Recordings are played back by the reader of flights, also when the power went, and a full disk harms nothing else."""
+
+import csv
+import json
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from camera_support import SITL_LOGS, textured
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from places import SUPPORT
+
+import drivers.files.recorder
+from drivers.files.flight_folder import FlightFolder
+from drivers.files.matroska import JpegMatroska
+from drivers.files.recorder import FlightPapers, Recorder, RecorderOptions
+from drivers.files.tlog import GARBAGE, bytes_of, records
+from drivers.files.video_file import VideoFile
+from drivers.samples import Attitude, Frame, Refusal
+
+PAPERS = FlightPapers(settings="[vehicle]\nsystem_id = 1\n", calibration="")
+START_US = 1_795_299_001_000_000
+STEP_US = 33_333
+
+
+def options(directory: Path, **changes) -> RecorderOptions:
+    return RecorderOptions(directory, **{"min_free_bytes": 1_000_000, **changes})
+
+
+def await_event(recorder: Recorder, name: str) -> str:
+    """The text of the first event of that name."""
+    until = time.monotonic() + 20
+    while time.monotonic() < until:
+        for event in recorder.events():
+            if event.event == name:
+                return event.text
+        time.sleep(0.02)
+    raise AssertionError(f"no event {name}")
+
+
+def test_a_recording_is_a_flight_that_is_read_back_whole(tmp_path):
+    recorder = Recorder(options(tmp_path / "flights"), PAPERS)
+    recorder.frame(Frame(0, 1, 1, textured(0)))  # not recording yet: nothing happens
+    recorder.start()
+    data = bytes_of(SITL_LOGS / "stairs_a" / "vehicle.tlog")[:20_000]
+    packets = [record for record in records(data) if record.message_id != GARBAGE]
+    for record in packets:
+        recorder.mavlink(record.stamp_us, data[record.start + 8 : record.end])
+    numbers = [k + (k > 20) for k in range(60)]  # frame 21 was skipped
+    for k, number in enumerate(numbers):
+        stamp_us = START_US + number * STEP_US
+        recorder.frame(Frame(number, stamp_us, stamp_us + 9000, textured(number)))
+        recorder.message("estimate", json.dumps({"frame": number}).encode())
+        recorder.message("preview", b"not recorded")
+        if k == 30:
+            recorder.message("event", b'{"event":"mode_changed"}')
+    recorder.stop()
+    recorder.close()
+    folder = recorder.folder
+    flight = FlightFolder(folder)
+    samples = list(flight.samples())
+    frames = [s for s in samples if isinstance(s, Frame)]
+    assert not [s for s in samples if isinstance(s, Refusal)]
+    assert [f.stamp_us for f in frames] == [START_US + number * STEP_US for number in numbers]
+    errors = [np.abs(f.image.astype(int) - textured(n)).mean() for f, n in zip(frames, numbers, strict=True)]
+    assert max(errors) < 2.0
+    assert sum(isinstance(s, Attitude) for s in samples) > 10
+    rows = list(csv.DictReader((folder / "frames.csv").open()))
+    assert [int(row["number"]) for row in rows] == numbers
+    assert {int(row["arrival_us"]) - int(row["host_time_us"]) for row in rows} == {9000}
+    assert (folder / "landslope.toml").read_text() == PAPERS.settings
+    assert len((folder / "estimates.jsonl").read_text().splitlines()) == 60
+    assert json.loads((folder / "events.jsonl").read_text()) == {"event": "mode_changed"}
+    assert recorder.counters == {"frames": 60, "packets": len(packets), "messages": 61}
+
+
+def test_starting_and_stopping_makes_a_folder_each(tmp_path):
+    recorder = Recorder(options(tmp_path), PAPERS)
+    for _ in range(3):
+        recorder.start()
+        recorder.start()
+        recorder.frame(Frame(0, START_US, START_US, textured(0)))
+        recorder.stop()
+        recorder.stop()
+    recorder.close()
+    assert [event.event for event in recorder.events()] == ["recording_started", "recording_stopped"] * 3
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+WRITER = """
+import sys, time
+sys.path.insert(0, {tests!r})
+from pathlib import Path
+from camera_support import textured
+from drivers.files.recorder import *
+from drivers.samples import Frame
+recorder = Recorder(RecorderOptions(Path({directory!r}), min_free_bytes=1), FlightPapers("[vehicle]\\n"))
+recorder.start()
+pictures = [textured(k) for k in range(50)]
+number = 0
+while True:
+    now = time.time_ns() // 1000
+    recorder.frame(Frame(number, now, now, pictures[number % 50]))
+    recorder.mavlink(now, bytes.fromhex("fd0000000001010000000000"))
+    number += 1
+    print(number, now, flush=True)
+    time.sleep(0.02)
+"""
+
+
+def test_a_killed_recorder_leaves_all_but_the_last_second(tmp_path):
+    code = WRITER.format(tests=str(SUPPORT), directory=str(tmp_path))
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as process:
+        said = [process.stdout.readline() for _ in range(110)]
+        process.send_signal(signal.SIGKILL)
+        said += process.stdout.readlines()
+    last_us = int([line for line in said if line.count(" ") == 1][-1].split()[1])
+    (folder,) = tmp_path.iterdir()
+    rows = (folder / "frames.csv").read_text().splitlines()[1:]
+    images = list(VideoFile(folder / "camera.mkv").images())
+    assert len(images) >= len(rows) > 20
+    assert last_us - int(rows[-1].split(",")[1]) < 1_000_000
+    frames = [sample for sample in FlightFolder(folder).samples() if isinstance(sample, Frame)]
+    assert len(frames) == len(rows)
+    tlog = bytes_of(folder / "vehicle.tlog")
+    assert last_us - int.from_bytes(tlog[(len(tlog) // 20 - 1) * 20 :][:8], "big") < 1_000_000
+
+
+def test_what_was_forced_to_the_disk_is_never_older_than_a_second(tmp_path, monkeypatch):
+    """A power cut keeps what fsync has returned for; here the sizes at that moment are taken down."""
+    forced: dict[str, tuple[int, float]] = {}
+    real = drivers.files.recorder._force
+
+    def force(file) -> None:
+        real(file)
+        forced[Path(file.name).name] = (file.tell(), time.monotonic())
+
+    monkeypatch.setattr(drivers.files.recorder, "_force", force)
+    recorder = Recorder(options(tmp_path, sync_interval_s=0.2), PAPERS)
+    recorder.start()
+    for k in range(60):
+        recorder.frame(Frame(k, START_US + k, START_US + k, textured(k)))
+        time.sleep(0.02)
+    now, at_cut = time.monotonic(), dict(forced)
+    folder = recorder.folder
+    cut = tmp_path / "cut"
+    cut.mkdir()
+    for name, (size, _) in at_cut.items():
+        (cut / name).write_bytes((folder / name).read_bytes()[:size])
+    recorder.close()
+    assert now - at_cut["camera.mkv"][1] < 1.0
+    assert now - at_cut["frames.csv"][1] < 1.0
+    rows = (cut / "frames.csv").read_text().splitlines()[1:]
+    assert len(rows) > 30
+    assert len(list(VideoFile(cut / "camera.mkv").images())) >= len(rows)
+
+
+@settings(max_examples=25, deadline=None)
+@given(part=st.floats(0.2, 1.0), width=st.integers(16, 96), height=st.integers(16, 96))
+def test_a_video_cut_anywhere_is_a_shorter_video(tmp_path_factory, part, width, height):
+    path = tmp_path_factory.mktemp("cut") / "camera.mkv"
+    lengths = []
+    with path.open("wb") as file:
+        video = JpegMatroska(file, width, height, 10.0)
+        for k in range(25):
+            assert video.write(cv2.imencode(".jpg", textured(k, width, height))[1].tobytes()) == k
+            lengths.append(file.tell())
+    path.write_bytes(path.read_bytes()[: max(lengths[0], int(part * lengths[-1]))])
+    whole = sum(length <= path.stat().st_size for length in lengths)
+    images = list(VideoFile(path).images())
+    assert [index for index, _ in images][:whole] == list(range(whole))
+    assert all(image.shape == (height, width) for _, image in images)
+
+
+FULL = """
+import resource, sys, time
+sys.path.insert(0, {tests!r})
+from pathlib import Path
+from camera_support import textured
+from drivers.files.recorder import *
+from drivers.samples import Frame
+resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
+recorder = Recorder(RecorderOptions(Path({directory!r}), min_free_bytes=1, sync_interval_s=0.05), FlightPapers("\\n"))
+recorder.start()
+for number in range(100):
+    recorder.frame(Frame(number, number, number, textured(number)))
+    time.sleep(0.005)
+print(recorder.recording, *[event.event for event in recorder.events()], recorder.counters["failures"])
+recorder.start()
+time.sleep(0.2)
+print(recorder.recording, *[event.event for event in recorder.events()])
+recorder.close()
+"""
+
+
+def test_a_disk_that_takes_no_more_ends_the_recording_and_nothing_else(tmp_path):
+    code = FULL.format(tests=str(SUPPORT), directory=str(tmp_path))
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.stdout.splitlines() == [
+        "False recording_started recording_failed 1",
+        "True recording_started",
+    ], done.stderr
+    folder = min(tmp_path.iterdir())
+    assert len(list(VideoFile(folder / "camera.mkv").images())) >= 3
+
+
+@pytest.mark.parametrize(
+    ("changes", "event", "said"),
+    [
+        ({"max_flight_bytes": 30_000}, "recording_stopped", "max_flight_mb"),
+        ({"min_free_bytes": 10**18}, "recording_refused", "min_free_mb"),
+    ],
+)
+def test_limits_end_or_refuse_a_recording(tmp_path, changes, event, said):
+    recorder = Recorder(options(tmp_path, sync_interval_s=0.05, **changes), PAPERS)
+    recorder.start()
+    for k in range(40):
+        recorder.frame(Frame(k, START_US + k, START_US + k, textured(k)))
+    assert said in await_event(recorder, event)
+    assert not recorder.recording
+    recorder.close()
+
+
+def test_free_space_that_runs_out_in_flight_ends_the_recording(tmp_path, monkeypatch):
+    usage = shutil.disk_usage(tmp_path)
+    recorder = Recorder(options(tmp_path, sync_interval_s=0.05), PAPERS)
+    recorder.start()
+    await_event(recorder, "recording_started")
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: usage._replace(free=10))
+    assert "record.min_free_mb" in await_event(recorder, "recording_stopped")
+    recorder.close()
+
+
+def test_a_slow_disk_costs_parts_of_the_recording_and_says_so(tmp_path, monkeypatch):
+    monkeypatch.setattr(drivers.files.recorder, "_force", lambda file: time.sleep(0.3))
+    recorder = Recorder(options(tmp_path, max_waiting=5, sync_interval_s=0.01), PAPERS)
+    recorder.start()
+    before = time.monotonic()
+    for k in range(40):
+        recorder.frame(Frame(k, START_US + k, START_US + k, textured(k)))
+    assert time.monotonic() - before < 2.0
+    recorder.close(patience_s=20)
+    names = [event.event for event in recorder.events()]
+    assert names.count("recording_behind") == 1
+    assert recorder.counters["dropped"] + recorder.counters["frames"] == 40
+
+
+def test_a_directory_that_cannot_be_made_is_an_event(tmp_path):
+    (tmp_path / "flights").write_text("a file, not a directory")
+    recorder = Recorder(options(tmp_path / "flights"), PAPERS)
+    recorder.start()
+    assert "flights" in await_event(recorder, "recording_failed")
+    recorder.close()

@@ -1,0 +1,155 @@
+"""The lateness of the frames' stamps, found where the vehicle turns unevenly, and taken out."""
+
+import math
+
+import numpy as np
+import pytest
+import synthetic_flow
+
+from landing.options import EstimatorOptions
+from landing.plane.map_estimator import MapEstimator
+from landing.plane.plane import Plane, RotationError
+from landing.plane.time_offset import TimeOffsetFilter
+from landing.rotations import log_so3, matrix_from_euler
+
+RATE_HZ = 30.0
+OPTIONS = EstimatorOptions()
+STD_S, DRIFT = OPTIONS.time_offset_std_s, OPTIONS.time_offset_drift
+
+
+def swinging(t: float):
+    """Attitude and body rates of a vehicle that swings by 6 degrees at 0.7 Hz, roll and pitch out of step."""
+    swing, w = math.radians(6), 2 * math.pi * 0.7
+
+    def attitude(at: float):
+        return matrix_from_euler(swing * math.sin(w * at), swing * math.cos(w * at), 0.1 * at)
+
+    return attitude(t), log_so3(attitude(t - 1e-4).T @ attitude(t + 1e-4)) / 2e-4
+
+
+def turning(t: float):
+    """The same for a steady turn about the vertical."""
+    return matrix_from_euler(0, 0, 0.5 * t), np.array((0.0, 0.0, 0.5))
+
+
+def flown(motion, late_s: float, frames: int = 60, std_s: float = STD_S):
+    """A camera 2 m over level ground at 0.6 m/s, its stamps late; what is found goes into the next frame."""
+    rng = np.random.default_rng(4)
+    points = synthetic_flow.ground(rng, 0.0, 0.0, 2.0, 6.0, 600)
+    flight = synthetic_flow.Flight(points, rng)
+    estimator = MapEstimator(OPTIONS, flight.camera.focal_px, len(points))
+    found = TimeOffsetFilter(std_s, DRIFT, 7e-4)
+    planes = []
+    for k in range(frames):
+        stamp_s = k / RATE_HZ
+        told, rate = motion(stamp_s - found.late_s)
+        true, _ = motion(stamp_s - late_s)
+        position = np.array((0.6 * (stamp_s - late_s), 0.0, 0.0))
+        late = found.late_s
+        flight.step(stamp_s, position, true, told, body_rate=rate, late_s=late)
+        planes.append(estimator.step(flight.views))
+        found.step(flight.views, planes[-1])
+    return found, flight.views, planes
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.015, -0.02, 0.05])
+def test_a_vehicle_that_swings_shows_how_late_its_frames_are(late_s: float):
+    found, views, planes = flown(swinging, late_s)
+    assert found.late_s == pytest.approx(late_s, abs=max(4 * found.std_s, 1e-4))
+    assert found.std_s < 0.002
+    assert planes[-1].status == "ok"
+    # and the attitude that the last frame is given is the one it was taken in
+    newest = views.newest
+    true = swinging(newest.time_s - late_s)[0] @ views.camera.body_from_camera
+    assert np.linalg.norm(log_so3(true.T @ newest.ned_from_camera)) < 1e-3
+
+
+def test_what_is_found_puts_earlier_attitudes_right():
+    """The first frames were taken with an attitude that was up to 14 mrad off."""
+    found, views, _ = flown(swinging, 0.03, frames=24)
+    assert abs(found.late_s - 0.03) < 0.003
+    mount = views.camera.body_from_camera
+    for gap in (5, 12, 18, 23):
+        new, old = (swinging(views.view(k).time_s - 0.03)[0] @ mount for k in (0, gap))
+        measured = views.rotation(gap)
+        assert measured is not None
+        assert np.linalg.norm(log_so3((old.T @ new).T @ measured)) < 0.003
+
+
+def test_a_steady_turn_tells_nothing():
+    found, _, _ = flown(turning, 0.02)
+    assert found.late_s == pytest.approx(0, abs=1e-3)
+    assert found.std_s > 0.9 * STD_S
+
+
+def test_a_lateness_that_is_known_is_left_alone():
+    found, _, _ = flown(swinging, 0.0, std_s=0.0)
+    assert (found.late_s, found.std_s) == (0.0, 0.0)
+
+
+class Seen:
+    """As much of ``Views`` as the lateness asks for."""
+
+    def __init__(self, time_s: float, change=(0.5, 0.2, 0.0)):
+        self.newest = self
+        self.time_s, self.change = time_s, np.array(change)
+
+    def turn_change(self, gap: int):
+        return self.change, np.zeros(3)
+
+
+def plane_of(error, std: float = 1e-4):
+    """A plane whose tracks tell the rotation's error nearly exactly."""
+    prior = np.full(3, 1e-3)
+    return Plane("ok", gap=4, rotation_error=RotationError(np.array(error), np.eye(3) * std**2, prior))
+
+
+def test_one_wrong_fit_moves_what_many_have_shown_by_little():
+    found = TimeOffsetFilter(0.01, 0.0, 7e-4)
+    for k in range(100):
+        found.step(Seen(k / RATE_HZ), plane_of(Seen(0).change * 0.005))
+    late_s, std_s = found.late_s, found.std_s
+    assert late_s == pytest.approx(0.005, rel=0.05)
+    found.step(Seen(100 / RATE_HZ), plane_of(Seen(0).change * 0.2))
+    assert 0 < found.late_s - late_s < 2 * std_s
+
+
+@pytest.mark.parametrize("error", [(math.nan, 0, 0), (math.inf, 0, 0)])
+def test_what_is_no_number_is_left_out(error):
+    found = TimeOffsetFilter(0.01, 0.0, 7e-4)
+    found.step(Seen(0.0), plane_of(error))
+    found.step(Seen(0.1, (math.nan, 0, 0)), plane_of((0, 0, 0)))
+    assert (found.late_s, found.std_s) == (0.0, 0.01)
+
+
+def test_it_does_not_run_away():
+    found = TimeOffsetFilter(0.01, 0.0, 7e-4)
+    for k in range(1000):
+        found.step(Seen(k / RATE_HZ), plane_of(Seen(0).change * 3.0))
+    assert found.late_s == pytest.approx(0.1)
+
+
+def test_doubt_grows_with_time_but_never_beyond_what_it_was_at_first():
+    found = TimeOffsetFilter(0.01, 0.001, 7e-4)
+    found.step(Seen(0.0), plane_of((0, 0, 0)))
+    found.std_s = 0.001
+    found.step(Seen(3.0), Plane("too_few_tracks"))
+    assert found.std_s == pytest.approx(0.002)
+    found.step(Seen(1000.0), Plane("too_few_tracks"))
+    assert found.std_s == 0.01
+    found.std_s = 0.001
+    found.loosen()
+    assert found.std_s == 0.01
+
+
+def test_the_error_of_a_rotation_is_the_turn_at_both_ends():
+    """Stamps late by s make old_from_new wrong by (old_from_new^T w_old - w_new) s."""
+    _, views, _ = flown(swinging, 0.0, frames=12)
+    measured, change = views.rotation(8), views.turn_change(8)
+    assert measured is not None
+    assert change is not None
+    s = 1e-3
+    mount = views.camera.body_from_camera
+    old, new = (swinging(views.view(k).time_s - s)[0] @ mount for k in (8, 0))
+    error = log_so3(measured.T @ (old.T @ new))
+    np.testing.assert_allclose(change[0] * s - change[1], error, atol=0.05 * np.linalg.norm(error))

@@ -1,0 +1,249 @@
+"""A daemon on the bench: a recorded flight as live camera and live autopilot, and everything it said."""
+
+import socket
+import threading
+import time
+from collections.abc import Callable
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import cv2
+import msgspec
+import numpy as np
+from places import REPOSITORY
+from vehicle_support import ACCEPTED, TestVehicle, free_udp_port, tlog_frames
+
+from companion.live.daemon import Daemon
+from companion.live.inputs import Inputs
+from companion.settings.settings import Settings
+from companion.settings.settings_file import load
+from drivers.bus import Endpoints, Subscription
+from drivers.cameras.interface import Camera, Grab, Notify, ReaderLimits
+from drivers.cameras.reader import ReaderCamera
+from drivers.errors import DriverError
+from drivers.files.video_file import VideoFile
+from drivers.system.host_clock import now_us
+
+STAIRS = REPOSITORY / "sitl_logs" / "stairs_a"
+PATIENCE_S = 15.0
+LINK_DELAY_US = 1000
+"""Shortest delay between a message of the recording and its arrival."""
+
+FrameEdit = Callable[[float, np.ndarray], "np.ndarray | tuple[np.ndarray, int] | None"]
+"""(seconds into the cut, image) -> what to show, with a shift of its stamp (us); None: the device is gone."""
+
+
+def wait_for(condition: Callable[[], object], what: str, timeout_s: float = PATIENCE_S) -> None:
+    """Wait until the condition holds; fail with ``what`` was waited for."""
+    deadline = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < deadline, f"no {what} within {timeout_s} s"
+        time.sleep(0.02)
+
+
+def free_tcp_port() -> int:
+    """A TCP port that was free a moment ago."""
+    with socket.socket() as s:
+        s.bind(("127.0.0.1", 0))
+        return int(s.getsockname()[1])
+
+
+@lru_cache(maxsize=4)
+def recorded_frames(from_s: float, to_s: float) -> list[tuple[int, np.ndarray]]:
+    """(us since the cut's start, grey image) of the recording's frames."""
+    stamps = [int(line.split(",")[1]) for line in (STAIRS / "frames.csv").read_text().splitlines()[1:]]
+    start = stamps[0]
+    frames = []
+    for index, image in VideoFile(STAIRS / "camera.mkv").images():
+        t_us = stamps[index] - start
+        if t_us > to_s * 1e6:
+            break
+        if t_us >= from_s * 1e6:
+            grey = image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+            frames.append((t_us - int(from_s * 1e6), grey))
+    return frames
+
+
+@lru_cache(maxsize=4)
+def recorded_telemetry(from_s: float, to_s: float) -> list[tuple[int, bytes]]:
+    """(us since the cut's start, MAVLink frame) of the recording's telemetry."""
+    start = int((STAIRS / "frames.csv").read_text().splitlines()[1].split(",")[1])
+    cut = int(from_s * 1e6)
+    frames = [(stamp - start - cut, frame) for stamp, frame in tlog_frames(STAIRS / "vehicle.tlog")]
+    return [(t, frame) for t, frame in frames if 0 <= t <= (to_s - from_s) * 1e6]
+
+
+class PlayedGrabber:
+    """The recording as a device: each frame when its time has come after ``started`` was set."""
+
+    def __init__(
+        self, frames: list[tuple[int, np.ndarray]], clock: "PlayClock", edit: FrameEdit | None
+    ) -> None:
+        self._frames = frames
+        self._clock = clock
+        self._edit = edit
+
+    def open(self) -> None:
+        """Raises DriverError while the device is gone."""
+        t_s = self._clock.seconds()
+        if self._edit is not None and self._edit(t_s, self._frames[0][1]) is None:
+            raise DriverError("the test's camera is unplugged")
+
+    def grab(self) -> Grab | None:
+        while True:
+            t_us = self._clock.seconds() * 1e6
+            following = next((f for f in self._frames if f[0] > max(t_us, self._clock.last_us)), None)
+            if following is None:
+                time.sleep(0.05)
+                return None if self._clock.over else self.grab()
+            self._clock.last_us = following[0]
+            self._clock.wait_until(following[0])
+            image = following[1] if self._edit is None else self._edit(following[0] / 1e6, following[1])
+            if image is None:
+                raise DriverError("the test's camera is unplugged")
+            image, shift_us = image if isinstance(image, tuple) else (image, 0)
+            return Grab(image.copy(), self._clock.host_us(following[0]) + shift_us)
+
+    def close(self) -> None:
+        """Nothing to give back."""
+
+
+class PlayClock:
+    """When the recording began, for camera and autopilot together."""
+
+    def __init__(self) -> None:
+        self.started = threading.Event()
+        self.over = False
+        self.last_us = -1
+        self._start = 0.0
+        self._start_host_us = 0
+
+    def start(self) -> None:
+        self._start, self._start_host_us = time.monotonic(), now_us()
+        self.started.set()
+
+    def seconds(self) -> float:
+        return time.monotonic() - self._start if self.started.is_set() else -1.0
+
+    def wait_until(self, t_us: int) -> None:
+        self.started.wait()
+        time.sleep(max(0.0, self._start + t_us / 1e6 - time.monotonic()))
+
+    def host_us(self, t_us: int) -> int:
+        return self._start_host_us + t_us
+
+
+class DaemonBench:
+    """Plays a cut of stairs_a to a daemon in this process, over a real MAVLink socket and zenoh."""
+
+    def __init__(
+        self,
+        tmp_path: Path,
+        cut: tuple[float, float] = (0.0, 6.0),
+        *,
+        answer: tuple[tuple[float, int], ...] = ACCEPTED,
+        edit_frames: FrameEdit | None = None,
+        edit_telemetry: Callable[[float, bytes], list[bytes]] | None = None,
+        settings: tuple[str, ...] = (),
+        listen: bool = True,
+    ) -> None:
+        self.clock = PlayClock()
+        self.port = free_udp_port()
+        zenoh_port = free_tcp_port()
+        self.settings: Settings = load(
+            STAIRS / "landslope.toml",
+            (
+                f"mavlink.connection=udpin:127.0.0.1:{self.port}",
+                f"vehicle.name=test{zenoh_port}",
+                f"zenoh.listen=tcp/127.0.0.1:{zenoh_port}",
+                "landing.enabled=true",
+                *settings,
+            ),
+        ).settings
+        self.messages: list[tuple[str, dict[str, Any]]] = []
+        telemetry = recorded_telemetry(*cut)
+        self.vehicle = TestVehicle(self.port, answer, telemetry, edit=edit_telemetry)
+        least = min(t - int.from_bytes(f[10:14], "little") * 1000 for t, f in telemetry if f[7] == 30)
+        self.vehicle.set_boot_us(LINK_DELAY_US - least)
+        self._frames = recorded_frames(*cut)
+        self._edit_frames = edit_frames
+        self._watched = listen
+        self.alive = False
+        self.endpoints = Endpoints(connect=(f"tcp/127.0.0.1:{zenoh_port}",))
+        self._closing = threading.Event()
+
+    def camera(self, notify: Notify) -> Camera:
+        """The recording's frames behind the reader that real cameras have."""
+        limits = ReaderLimits(open_timeout_s=30, read_timeout_s=30, first_retry_s=0.1, longest_retry_s=0.2)
+        return ReaderCamera(
+            "test camera", lambda: PlayedGrabber(self._frames, self.clock, self._edit_frames), limits, notify
+        )
+
+    def __enter__(self) -> "DaemonBench":
+        self.vehicle.__enter__()
+        self.daemon = Daemon(self.settings, Inputs(self.settings, self.camera))
+        if self._watched:
+            self._listener = threading.Thread(target=self._listen, daemon=True)
+            self._listener.start()
+            wait_for(lambda: self.alive, "liveliness token")
+        self.daemon_thread = threading.Thread(target=self.daemon.run, daemon=True)
+        self.daemon_thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.clock.over = True
+        self.daemon.stop()
+        self.join(PATIENCE_S)
+        self._closing.set()
+        if self._watched:
+            self._listener.join(timeout=PATIENCE_S)
+        self.vehicle.__exit__()
+
+    def join(self, timeout_s: float) -> None:
+        """Wait for the daemon's end."""
+        self.daemon_thread.join(timeout=timeout_s)
+        assert not self.daemon_thread.is_alive(), "the daemon does not end"
+
+    def play(self) -> None:
+        """Begin, once MAVSDK has found the vehicle."""
+        wait_for(lambda: self.daemon.commander_connected, "connection of MAVSDK")
+        self.clock.start()
+        self.vehicle.play()
+
+    def play_to_end(self, then_s: float = 0.5) -> None:
+        """Begin and wait for the end of the cut."""
+        self.play()
+        assert self.vehicle.played.wait(60)
+        time.sleep(then_s)
+
+    def of(self, topic: str) -> list[dict[str, Any]]:
+        """Messages of one topic so far."""
+        return [m for t, m in list(self.messages) if t == topic]
+
+    def events(self, name: str) -> list[dict[str, Any]]:
+        """Events of one name so far."""
+        return [m for m in self.of("event") if m["event"] == name]
+
+    def at_s(self, message: dict[str, Any]) -> float:
+        """Seconds into the cut of a message."""
+        return (message["time_unix_us"] - self.clock.host_us(0)) / 1e6
+
+    def problems(self) -> set[str]:
+        """Every problem that health ever told."""
+        return {p for h in self.of("health") for p in h["problems"]}
+
+    def counters(self) -> dict[str, int]:
+        """The newest counters."""
+        return self.of("health")[-1]["counters"]
+
+    def _listen(self) -> None:
+        with Subscription(self.endpoints, self.settings.vehicle.name) as subscription:
+            while not self._closing.is_set():
+                delivery = subscription.receive(0.1)
+                if delivery is None or delivery.topic == "preview":
+                    continue
+                if delivery.alive is not None:
+                    self.alive = delivery.alive
+                else:
+                    self.messages.append((delivery.topic, msgspec.json.decode(delivery.payload)))
