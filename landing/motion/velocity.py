@@ -150,21 +150,21 @@ def newest_guided(
     product = columns @ np.linalg.solve(covariance, columns.transpose(0, 2, 1))
     precision = (per_metre * told.std) ** -2.0
     omega, slope, std2 = [0.0] * 3, [0.0] * 3, [0.0] * 3
-    information = right = chi_square = 0.0
-    for axis, ((vv, vk, vt), (_, kk, kt), (_, _, tt)) in enumerate(product.tolist()):
+    information = right = 0.0
+    for axis, ((vv, vk, vt), (_, kk, kt), _) in enumerate(product.tolist()):
         said = float(told.velocity[axis])
         vv, vk, kk = vv + precision, vk - precision * said, kk + precision * said * said
         # omega is eliminated
         omega[axis], slope[axis], std2[axis] = vt / vv, vk / vv, 1 / vv
         information += kk - vk * vk / vv
         right += kt - vk * vt / vv
-        chi_square += tt - vt * vt / vv
     # numbers that no vehicle flies at leave nothing of it
     k = right / information if information > 0 else 0.0
     if not k > 0:
         return np.full(3, math.nan), np.full(3, math.nan), math.inf
-    return (
-        np.array([w - s * k for w, s in zip(omega, slope, strict=True)]),
-        np.sqrt([v + s * s / information + (k * told.noise) ** 2 for v, s in zip(std2, slope, strict=True)]),
-        chi_square - right * k,
-    )
+    found = np.array([w - s * k for w, s in zip(omega, slope, strict=True)])
+    std = np.sqrt([v + s * s / information + (k * told.noise) ** 2 for v, s in zip(std2, slope, strict=True)])
+    # from the residuals: the difference of the sums above cancels to below zero when the velocity is absurd
+    left = t.T + found[:, None] * tau - k * told.detour.T
+    chi_square = float((left * np.linalg.solve(covariance, left[..., None])[..., 0]).sum())
+    return found, std, chi_square + precision * float(np.square(found - k * told.velocity).sum())
