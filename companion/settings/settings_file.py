@@ -6,6 +6,7 @@ section, is read, bounded, explained and overridable without further code.
 
 import dataclasses
 import difflib
+import functools
 import math
 import re
 import tomllib
@@ -68,7 +69,7 @@ def entries(
 
     ``users`` names the fields of ``section`` that are for users; None: all are.
     """
-    hints = typing.get_type_hints(section, include_extras=True)
+    hints = _hints(section)
     for field in dataclasses.fields(section):
         hint = hints[field.name]
         path = prefix + field.name
@@ -184,6 +185,11 @@ def _entry(path: str, hint: Any, default: Any, internal: bool) -> Entry:
     must_exist = file is not None and file.must_exist
     limits = _mark(hint, Limits)
     return Entry(path, _bare(hint), default, limits, meaning, file is not None, must_exist, internal)
+
+
+@functools.cache
+def _hints(section: type) -> dict[str, Any]:
+    return typing.get_type_hints(section, include_extras=True)
 
 
 def _mark(hint: Any, kind: type[T]) -> T | None:
@@ -306,12 +312,13 @@ def _nearest(word: str, names: typing.Iterable[str]) -> str:
 
 
 def _build(section: type, prefix: str, values: dict[str, Any]) -> Any:
-    hints = typing.get_type_hints(section)
+    hints = _hints(section)
     chosen = {}
     for field in dataclasses.fields(section):
         path = prefix + field.name
-        if dataclasses.is_dataclass(hints[field.name]):
-            chosen[field.name] = _build(typing.cast(type, hints[field.name]), path + ".", values)
+        kind = _bare(hints[field.name])
+        if dataclasses.is_dataclass(kind):
+            chosen[field.name] = _build(typing.cast(type, kind), path + ".", values)
         elif path in values:
             chosen[field.name] = values[path]
     return section(**chosen)
