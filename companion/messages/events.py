@@ -46,6 +46,23 @@ EVENTS = {
 }
 """Name -> (severity, meaning)."""
 
+LANDING_EVENTS = frozenset(
+    {
+        "landing_requested",
+        "landing_in_progress",
+        "landing_accepted",
+        "landing_started",
+        "landing_landed",
+        "landing_refused",
+        "landing_failed",
+        "landing_taken_over",
+    }
+)
+"""The request to land and what became of it."""
+
+COMMAND_EVENTS = LANDING_EVENTS | {"surface_unfit", "hold_accepted", "hold_failed"}
+"""Everything that concerns a command to the autopilot; ground stations get these as STATUSTEXT."""
+
 
 def event(
     name: str, frame: int | None, time_unix_us: int, text: str = "", details: dict[str, Any] | None = None
