@@ -75,6 +75,12 @@ class Decision(msgspec.Struct, frozen=True, kw_only=True):
     withheld: Annotated[tuple[str, ...], about("what stands against the permission, in words")]
     requested: Annotated[bool, about("whether a landing was requested under the present permission")]
     command: Annotated[str, about('"none", "requested", "accepted", "landing", "landed", or why it failed')]
+    withheld_codes: Annotated[
+        tuple[str, ...], about("the same as ``withheld`` as codes, in the same order")
+    ] = ()
+    command_code: Annotated[
+        str, about('the command as a code: "none", "landing", "held", "failsafe", "taken_over" and so on')
+    ] = "none"
 
 
 class InputHealth(msgspec.Struct, frozen=True, kw_only=True):

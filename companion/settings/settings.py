@@ -234,6 +234,12 @@ class LandingSettings:
     enable_modes: Annotated[
         tuple[str, ...], Meaning("flight modes that enable landing as the pilot's switch; empty: none")
     ] = ()
+    vehicle_types: Annotated[
+        tuple[str, ...],
+        Meaning(
+            'vehicles beside multicopters and hovering VTOLs that may be landed, as "FIXED_WING" of MAV_TYPE'
+        ),
+    ] = ()
     stick_limit_us: Annotated[
         int, Limits(0, 600, "us", "roll, pitch, throttle or yaw moved by this ends the permission; 0: never")
     ] = 300
