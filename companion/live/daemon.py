@@ -54,7 +54,7 @@ class Daemon:
             stack.callback(self.recording.close)
             self.pipeline = LivePipeline(settings, self._output, self._may_enable, self.counters)
             self._report = GroundReport(settings.mavlink, self.pipeline.body_from_camera)
-            self._watch = LandingWatch(settings.landing)
+            self._watch = LandingWatch(settings.landing, settings.decision.dwell_s)
             self._publisher = stack.enter_context(Publisher(settings, retry=True))
             self._preview = PreviewPublisher(self._publisher.bus, settings.preview)
             stack.callback(self._preview.close)
