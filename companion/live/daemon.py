@@ -52,7 +52,9 @@ class Daemon:
             stack.callback(self.service.close)
             self.recording = FlightRecording(settings)
             stack.callback(self.recording.close)
-            self.pipeline = LivePipeline(settings, self._output, self._may_enable, self.counters)
+            self.pipeline = LivePipeline(
+                settings, self._output, self._may_enable, self.counters, self._link_problems
+            )
             self._report = GroundReport(settings.mavlink, self.pipeline.body_from_camera)
             self._watch = LandingWatch(settings.landing, settings.decision.dwell_s)
             self._publisher = stack.enter_context(Publisher(settings, retry=True))
@@ -166,6 +168,9 @@ class Daemon:
 
     def _may_enable(self) -> bool:
         return self._link is None or not self._link.ambiguous
+
+    def _link_problems(self) -> tuple[str, ...]:
+        return () if self._link is None else self._link.problems
 
     def _let_command_end(self) -> None:
         if self._commander is None or not self._commander.busy:

@@ -33,8 +33,8 @@ Counters = Callable[[], dict[str, int]]
 class LivePipeline:
     """Feeds the core and hands its outputs to ``on_output``, in order.
 
-    ``may_enable()`` False withholds every request, whatever the pilot's switch says; ``counters()`` are added to
-    the health that is told.
+    ``may_enable()`` False withholds every request, whatever the pilot's switch says; ``counters()`` and
+    ``problems()`` are added to the health that is told.
     """
 
     def __init__(
@@ -43,11 +43,13 @@ class LivePipeline:
         on_output: Handler,
         may_enable: Callable[[], bool] = lambda: True,
         counters: Counters = dict,
+        problems: Callable[[], tuple[str, ...]] = tuple,
     ) -> None:
         self._settings = settings
         self._on_output = on_output
         self._may_enable = may_enable
         self._counters = counters
+        self._problems = problems
         self._size = _size(settings)
         self._core = self._new_core()
         self._times_ms: deque[float] = deque(maxlen=TIMES_KEPT)
@@ -137,8 +139,13 @@ class LivePipeline:
 
     def _completed(self, health: Health) -> Health:
         mean_ms = round(sum(self._times_ms) / len(self._times_ms), 3) if self._times_ms else None
+        new = tuple(problem for problem in self._problems() if problem not in health.problems)
         return msgspec.structs.replace(
-            health, counters={**health.counters, **self._counters()}, pipeline_ms=mean_ms
+            health,
+            state="degraded" if new and health.state == "ok" else health.state,
+            problems=health.problems + new,
+            counters={**health.counters, **self._counters()},
+            pipeline_ms=mean_ms,
         )
 
 
