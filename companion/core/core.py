@@ -7,6 +7,7 @@ from companion.core.frozen_camera import FrozenCamera
 from companion.core.health import Clocks, HealthMonitor
 from companion.core.judge import Judge, LandRequest
 from companion.core.sync import Notice, ReadyFrame, Synchroniser
+from companion.messages.conditions import Condition
 from companion.messages.events import event
 from companion.messages.messages import Message, estimate_message
 from companion.settings.settings import Settings
@@ -20,6 +21,9 @@ from landing.vision.camera import CameraModel
 
 ATTITUDE_WITNESSES = 3
 """Frames in a row without an attitude (or with one again) before an event tells of it."""
+
+SECOND_VEHICLE = ("second_vehicle", "another_vehicle")
+"""Reasons of refusals, of recordings and of the live link, that report a second vehicle."""
 
 LATE_WORTH_TELLING_S, LATE_SIGMAS = 0.005, 4.0
 """A lateness of the frames that an event tells of."""
@@ -72,6 +76,7 @@ class Core:
         )
         self._sync = Synchroniser(settings, telemetry)
         self._health = HealthMonitor(settings.health, telemetry)
+        self._health.calibrated = calibrated
         self._frozen = FrozenCamera(settings.health, camera)
         self._judge = Judge(settings, self._health, LandingArea(camera, settings.decision, settings.tracking))
         self._health_period_us = round(settings.health.period_s * 1e6)
@@ -85,6 +90,10 @@ class Core:
     def set_enabled(self, enabled: bool) -> None:
         """The user's permission to land; taking it back and giving it again allows another request."""
         self._judge.set_enabled(enabled, self._sync.now_us)
+
+    def set_standing(self, conditions: tuple[Condition, ...]) -> None:
+        """Conditions that stand outside of the core (recording, clock, radio), until others are set."""
+        self._health.standing = conditions
 
     @property
     def waiting(self) -> bool:
@@ -128,7 +137,7 @@ class Core:
         if not refusals:
             self._health.count(sample, self._sync.now_us)
         if isinstance(sample, Refusal):
-            if sample.reason == "second_vehicle" and not self._health.vehicles_clash:
+            if sample.reason in SECOND_VEHICLE and not self._health.vehicles_clash:
                 self._health.vehicles_clash = True
                 out.append(event("second_vehicle", None, sample.arrival_us, details={"heard": sample.detail}))
         elif isinstance(sample, Frame):

@@ -36,6 +36,11 @@ class EnableSwitch:
         return self._s.enable_rc_channel > 0 or bool(self._s.enable_modes)
 
     @property
+    def radio_lost(self) -> bool:
+        """Whether the radio that the pilot's switch is on is not heard."""
+        return self._s.enable_rc_channel > 0 and self._radio_silent()
+
+    @property
     def reason(self) -> str:
         """Why landing is not enabled, in words; empty when it is."""
         if self.enabled:

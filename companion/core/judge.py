@@ -1,9 +1,10 @@
 """From estimates to the decision and, rarely, the request to land; and what became of that request."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from companion.core.command import CommandChange, CommandState
 from companion.core.health import HealthMonitor
+from companion.messages.conditions import KINDS, Code
 from companion.messages.events import event
 from companion.messages.messages import Decision, Event
 from companion.settings.settings import Settings
@@ -59,7 +60,7 @@ class Judge:
     def see(self, estimate: SurfaceEstimate, now_us: int, time_unix_us: int) -> list[Judgement]:
         """Take the next estimate."""
         out: list[Judgement] = []
-        self._verdict = verdict = self._decider.step(estimate)
+        self._verdict = verdict = self._believed(self._decider.step(estimate))
         self._frame = estimate.frame
         self._since_us = time_unix_us - round((estimate.time_s - verdict.since_s) * 1e6)
         if verdict.changed:
@@ -123,10 +124,16 @@ class Judge:
             out.append(decision)
         return out
 
+    def _believed(self, verdict: Verdict) -> Verdict:
+        """Without a calibration no slope is known: such a camera may say unfit, never fit."""
+        if self._health.calibrated or verdict.verdict != "fit":
+            return verdict
+        reasons = (KINDS[Code.UNCALIBRATED].text,)
+        changed = (self._verdict.verdict, self._verdict.reasons) != ("unknown", reasons)
+        return replace(verdict, verdict="unknown", reasons=reasons, changed=changed)
+
     def _step_permit(self, now_us: int, *, fit: bool) -> PermitState:
         stale = self._health.stale(now_us)
-        if self._health.vehicles_clash:
-            stale = (*stale, "two vehicles on the link")
         heartbeat = None if "heartbeat" in stale else self._heartbeat
         landed = None if "landed_state" in stale or self._landed is None else self._landed.state
         return self._permit.step(
@@ -140,6 +147,7 @@ class Judge:
                 fresh=not stale,
                 stale=stale,
                 command_busy=self._command.busy,
+                forbidden=self._health.forbidding(),
             )
         )
 

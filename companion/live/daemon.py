@@ -14,11 +14,12 @@ from companion.live.live_pipeline import LivePipeline
 from companion.live.publisher import Publisher
 from companion.live.recording import FlightRecording
 from companion.live.reporting import GroundReport
+from companion.messages.conditions import Code, Condition, condition
 from companion.messages.messages import Estimate, Health, Message
 from companion.messages.preview import PreviewPublisher
 from companion.settings.settings import Settings
 from drivers.samples import CommandAnswer, Imu, Sample
-from drivers.system.host_clock import now_us
+from drivers.system.host_clock import has_date, now_us
 from drivers.system.service_manager import ServiceManager
 
 log = logging.getLogger(__name__)
@@ -52,7 +53,7 @@ class Daemon:
             stack.callback(self.service.close)
             self.recording = FlightRecording(settings)
             stack.callback(self.recording.close)
-            self.pipeline = LivePipeline(settings, self._output, self._may_enable, self.counters)
+            self.pipeline = LivePipeline(settings, self._output, self._conditions, self.counters)
             self._report = GroundReport(settings.mavlink, self.pipeline.body_from_camera)
             self._watch = LandingWatch(settings.landing)
             self._publisher = stack.enter_context(Publisher(settings, retry=True))
@@ -163,8 +164,14 @@ class Daemon:
         """Whether our heartbeats may go out: the pipeline made an estimate lately."""
         return time.monotonic() - self.pipeline.estimated_at < self.settings.mavlink.heartbeat_max_age_s
 
-    def _may_enable(self) -> bool:
-        return self._link is None or not self._link.ambiguous
+    def _conditions(self) -> tuple[Condition, ...]:
+        """What stands wrong beside the pipeline."""
+        found = list(self.recording.conditions())
+        if self._link is not None and self._link.ambiguous:
+            found.append(condition(Code.TWO_VEHICLES))
+        if not has_date():
+            found.append(condition(Code.CLOCK_WITHOUT_DATE))
+        return tuple(found)
 
     def _let_command_end(self) -> None:
         if self._commander is None or not self._commander.busy:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from companion.core.camera_model import camera_model
 from companion.core.core import Core, Output, Processed
 from companion.core.enable import EnableSwitch
+from companion.messages.conditions import Code, Condition, condition
 from companion.messages.messages import Event, Health
 from companion.settings.settings import Settings
 from drivers.events import DriverEvent
@@ -35,20 +36,20 @@ Counters = Callable[[], dict[str, int]]
 class LivePipeline:
     """Feeds the core and hands its outputs to ``on_output``, in order.
 
-    ``may_enable()`` False withholds the pilot's permission whatever the switch says; ``counters()`` are added to
-    the health that is told.
+    ``conditions()`` are those that stand outside of the core, asked at every turn; ``counters()`` are added to the
+    health that is published.
     """
 
     def __init__(
         self,
         settings: Settings,
         on_output: Handler,
-        may_enable: Callable[[], bool] = lambda: True,
+        conditions: Callable[[], tuple[Condition, ...]] = tuple,
         counters: Counters = dict,
     ) -> None:
         self._settings = settings
         self._on_output = on_output
-        self._may_enable = may_enable
+        self._conditions = conditions
         self._counters = counters
         self._size = _size(settings)
         self._core = self._new_core()
@@ -71,6 +72,7 @@ class LivePipeline:
 
     def feed(self, samples: list[Sample]) -> None:
         """Take samples in order of arrival."""
+        self._stand()
         for sample in samples:
             if isinstance(sample, Frame):
                 self.counted["frames"] += 1
@@ -82,6 +84,7 @@ class LivePipeline:
 
     def tick(self, now_us: int) -> None:
         """Time passed without a sample."""
+        self._stand()
         started = time.perf_counter()
         self._hand_on(self._core.tick(now_us), started)
 
@@ -129,7 +132,7 @@ class LivePipeline:
 
     def _set_enabled(self, wanted: bool, time_us: int) -> None:
         """What the pilot wants, as far as it is safe; every change is told."""
-        against = self._switch.reason if not wanted else self._against()
+        against = "" if wanted else self._switch.reason
         if against == self._against_enabling:
             return
         self._against_enabling = against
@@ -138,10 +141,10 @@ class LivePipeline:
         text = f"landing is not enabled: {against}" if against else "landing is enabled"
         self.tell(DriverEvent(name, "info", text, time_us))
 
-    def _against(self) -> str:
-        if not self._calibrated:
-            return "the camera is not calibrated"
-        return "" if self._may_enable() else "two vehicles on the link: set vehicle.system_id"
+    def _stand(self) -> None:
+        """Let the core know what stands outside of it."""
+        radio = (condition(Code.RADIO_LOST),) if self._switch.radio_lost else ()
+        self._core.set_standing((*self._conditions(), *radio))
 
     def _hand_on(self, outputs: list[Output], started: float) -> None:
         if any(isinstance(output, Processed) for output in outputs):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from companion.core.core import Processed
 from companion.errors import LandslopeError
+from companion.messages.conditions import Code, Condition, condition
 from companion.messages.messages import Message, encode, topic_of
 from companion.settings.settings import RecordSettings, Settings
 from companion.settings.settings_file import entries, value_of, written
@@ -76,6 +77,8 @@ def recorder_options(settings: RecordSettings, rate_hz: float) -> RecorderOption
         rate_hz=rate_hz,
         max_flight_bytes=settings.max_flight_mb * BYTES_PER_MB,
         min_free_bytes=settings.min_free_mb * BYTES_PER_MB,
+        max_total_bytes=settings.max_total_mb * BYTES_PER_MB,
+        delete_oldest=settings.when_full == "delete_oldest",
     )
 
 
@@ -128,6 +131,13 @@ class FlightRecording:
         """Whether a flight is being recorded now."""
         return self._recorder is not None and self._recorder.recording
 
+    def conditions(self) -> tuple[Condition, ...]:
+        """Whether a recording that is wanted does not run, and why."""
+        recorder = self._recorder
+        if recorder is None or not self._wanted or not recorder.stopped:
+            return ()
+        return (condition(Code.RECORDING_STOPPED, detail=recorder.stopped),)
+
     def by_hand(self, record: bool) -> None:
         """Start (True) or stop (False) on the user's word; safe in a signal handler."""
         self._switch.by_hand(record)
@@ -162,7 +172,7 @@ class FlightRecording:
     def step(self, time_us: int) -> list[DriverEvent]:
         """Start or stop as the switch says; what happened since the last step.
 
-        A recording that ended by itself (disk full, size reached) is taken up again only when the switch has been off.
+        A recording that stopped by itself (disk full, limit reached) is taken up again by the recorder.
         """
         recorder = self._recorder
         if recorder is None:

@@ -267,10 +267,17 @@ class RecordSettings:
     ] = "armed"
     after_disarm_s: Annotated[float, Limits(0, 600, "s", "how long recording goes on after disarming")] = 5.0
     jpeg_quality: Annotated[int, Limits(50, 100, "", "quality of the recorded frames")] = 95
-    max_flight_mb: Annotated[int, Limits(1, 1_000_000, "MB", "size at which a recording is ended")] = 4000
+    max_flight_mb: Annotated[int, Limits(1, 1_000_000, "MB", "size at which a new folder is begun")] = 4000
     min_free_mb: Annotated[int, Limits(1, 1_000_000, "MB", "free space below which nothing is recorded")] = (
         500
     )
+    max_total_mb: Annotated[
+        int, Limits(0, 100_000_000, "MB", "size of all flight folders together; 0: no limit")
+    ] = 0
+    when_full: Annotated[
+        Literal["stop", "delete_oldest"],
+        Meaning("at record.max_total_mb or record.min_free_mb: record no more, or delete the oldest flights"),
+    ] = "stop"
     mcap: Annotated[bool, Meaning("write flight.mcap too, for Foxglove (needs the extra 'record')")] = False
 
 

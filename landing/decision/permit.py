@@ -16,6 +16,8 @@ class PermitInputs:
     fresh: bool
     stale: tuple[str, ...] = ()
     command_busy: bool = False
+    forbidden: tuple[str, ...] = ()
+    """Conditions that forbid a landing by themselves, in words."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +44,7 @@ class Permit:
         """Judge the present moment; ``request`` is true at most once until ``enabled`` was false again."""
         if not inputs.enabled:
             self._requested = False
-        withheld = []
+        withheld = list(inputs.forbidden)
         if not inputs.enabled:
             withheld.append("landing is not enabled")
         if inputs.armed is not True:
