@@ -7,6 +7,7 @@ import threading
 from pathlib import Path
 
 from companion.settings.settings_file import load
+from drivers.secrets import masked
 
 FORMAT = "%(levelname)s %(name)s: %(message)s"
 PRIORITIES = ((logging.CRITICAL, 2), (logging.ERROR, 3), (logging.WARNING, 4), (logging.INFO, 6), (0, 7))
@@ -60,11 +61,18 @@ def run(args: argparse.Namespace) -> int:
 def _log_to_stderr(level: int) -> None:
     """Lines with the priority that journald reads, when it listens."""
     handler = logging.StreamHandler()
-    handler.setFormatter(_Priority() if "JOURNAL_STREAM" in os.environ else logging.Formatter(FORMAT))
+    handler.setFormatter(_Priority() if "JOURNAL_STREAM" in os.environ else _Masked(FORMAT))
     logging.basicConfig(level=level, handlers=[handler])
 
 
-class _Priority(logging.Formatter):
+class _Masked(logging.Formatter):
+    """Without the secrets that stand in URLs, tracebacks included."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return masked(super().format(record))
+
+
+class _Priority(_Masked):
     """``<4>`` in front of a warning, as sd-daemon(3) says; journald strips it and sets PRIORITY."""
 
     def __init__(self) -> None:

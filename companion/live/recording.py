@@ -10,6 +10,7 @@ from companion.core.core import Processed
 from companion.errors import LandslopeError
 from companion.messages.conditions import Code, Condition, condition
 from companion.messages.messages import Message, encode, topic_of
+from companion.settings.masking import without_secrets
 from companion.settings.settings import RecordSettings, Settings
 from companion.settings.settings_file import entries, value_of, written
 from drivers.events import DriverEvent
@@ -83,11 +84,12 @@ def recorder_options(settings: RecordSettings, rate_hz: float) -> RecorderOption
 
 
 def flight_papers(settings: Settings) -> FlightPapers:
-    """The settings in force, with the calibration beside them under the name that flights use."""
+    """The settings in force without their secrets, with the calibration beside them under the name that flights use."""
     calibration = Path(settings.camera.calibration)
     text = calibration.read_text(encoding="utf-8") if calibration.is_file() else ""
     camera = dataclasses.replace(settings.camera, calibration=CALIBRATION if text else "")
-    return FlightPapers(settings=_toml(dataclasses.replace(settings, camera=camera)), calibration=text)
+    shown = without_secrets(dataclasses.replace(settings, camera=camera))
+    return FlightPapers(settings=_toml(shown), calibration=text)
 
 
 def _toml(settings: Settings) -> str:
