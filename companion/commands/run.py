@@ -3,6 +3,7 @@
 import argparse
 import logging
 import os
+import signal
 import threading
 from pathlib import Path
 
@@ -31,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run until SIGTERM or SIGINT; 1 when a thread broke, so that the service manager starts anew."""
     _log_to_stderr(logging.DEBUG if args.verbose else logging.INFO)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)  # until the daemon can take settings over
     settings = load(args.config, args.overrides).settings
     import cv2
 
@@ -52,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
     # The other half of the imports; camera and autopilot answer meanwhile.
     from companion.live.daemon import Daemon, stop_on_signals
 
-    daemon = Daemon(settings, inputs)
+    daemon = Daemon(settings, inputs, lambda: load(args.config, args.overrides).settings)
     stop_on_signals(daemon)
     daemon.run()
     return 1 if broken.is_set() else 0

@@ -1,6 +1,6 @@
 """The core: samples in, messages and requests out. Single-threaded, deterministic, without a clock of its own."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from companion.core.attitude import BodyAttitude
 from companion.core.frozen_camera import FrozenCamera
@@ -15,7 +15,7 @@ from drivers.samples import CommandAnswer, Frame, Heartbeat, LandedState, Refusa
 from landing.estimate import SurfaceEstimate
 from landing.ground.landing_area import LandingArea
 from landing.observation import Observation
-from landing.options import Options
+from landing.options import DecisionOptions, Options
 from landing.pipeline import SurfacePipeline
 from landing.vision.camera import CameraModel
 
@@ -90,6 +90,11 @@ class Core:
     def set_enabled(self, enabled: bool) -> None:
         """The user's permission to land; taking it back and giving it again allows another request."""
         self._judge.set_enabled(enabled, self._sync.now_us)
+
+    def set_decision(self, options: DecisionOptions) -> None:
+        """Other limits of the decision from now on."""
+        self._pipeline.options = replace(self._pipeline.options, decision=options)
+        self._judge.set_decision(options, LandingArea(self._camera, options, self._pipeline.options.tracking))
 
     def set_standing(self, conditions: tuple[Condition, ...]) -> None:
         """Conditions that stand outside of the core (recording, clock, radio), until others are set."""

@@ -13,6 +13,7 @@ from landing.decision.decision import Decider, Verdict
 from landing.decision.permit import Permit, PermitInputs, PermitState
 from landing.estimate import SurfaceEstimate
 from landing.ground.landing_area import LandingArea
+from landing.options import DecisionOptions
 
 SECOND_US = 1_000_000
 
@@ -49,6 +50,10 @@ class Judge:
         self._frame = 0
         self._since_us = 0
         self._told: Decision | None = None
+
+    def set_decision(self, options: DecisionOptions, area: LandingArea | None) -> None:
+        """Other limits from now on; the ground has to prove itself anew."""
+        self._decider = Decider(options, area)
 
     def set_enabled(self, enabled: bool, now_us: int) -> None:
         """The user's permission; taking it back and giving it again allows another request."""

@@ -102,6 +102,12 @@ class LivePipeline:
             )
         )
 
+    def set_settings(self, settings: Settings) -> None:
+        """Other settings of the decision from now on; the rest of them must be the same."""
+        if settings.decision != self._settings.decision:
+            self._core.set_decision(settings.decision)
+        self._settings = settings
+
     def finish(self) -> None:
         """The end: what still waits is processed."""
         self._hand_on(self._core.finish(), time.perf_counter())

@@ -28,6 +28,10 @@ class Publisher:
 
     def __init__(self, settings: Settings, *, retry: bool = False) -> None:
         self.bus = Bus(settings.vehicle.name, endpoints(settings.zenoh), retry=retry)
+        self.set_settings(settings)
+
+    def set_settings(self, settings: Settings) -> None:
+        """The configuration that is answered from now on, without its secrets."""
         self.bus.answer(CONFIGURATION, msgspec.json.encode(without_secrets(settings)))
 
     def publish(self, message: Message) -> None:

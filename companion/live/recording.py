@@ -47,6 +47,10 @@ class RecordingSwitch:
         self._armed: bool | None = None
         self._last_armed_us: int | None = None
 
+    def set_settings(self, settings: RecordSettings) -> None:
+        """Other settings from now on; what was said by hand holds."""
+        self._settings = settings
+
     def by_hand(self, record: bool) -> None:
         """Start (True) or stop (False) on the user's word."""
         self._by_hand = record
@@ -104,6 +108,15 @@ def _toml(settings: Settings) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _options_and_papers(settings: Settings) -> tuple[RecorderOptions, FlightPapers]:
+    rate_hz = settings.camera.rate_hz or DEFAULT_RATE_HZ
+    return recorder_options(settings.record, rate_hz), flight_papers(settings)
+
+
+def _recorder(settings: Settings) -> Recorder:
+    return Recorder(*_options_and_papers(settings))
+
+
 class FlightRecording:
     """A recorder wired to the settings: it is told everything and keeps what belongs to a flight.
 
@@ -114,12 +127,17 @@ class FlightRecording:
         self._switch = RecordingSwitch(settings.record)
         self._armed: bool | None = None
         self._wanted = False
-        rate_hz = settings.camera.rate_hz or DEFAULT_RATE_HZ
-        self._recorder: Recorder | None = None
-        if settings.record.directory:
-            self._recorder = Recorder(recorder_options(settings.record, rate_hz), flight_papers(settings))
+        self._recorder = _recorder(settings) if settings.record.directory else None
         self._mcap = _live_mcap(settings) if self._recorder is not None and settings.record.mcap else None
         self._folder_before: Path | None = None
+
+    def set_settings(self, settings: Settings) -> None:
+        """Other settings from now on; where they change, a flight goes on in a new folder."""
+        self._switch.set_settings(settings.record)
+        if self._recorder is None:
+            self._recorder = _recorder(settings) if settings.record.directory else None
+        elif settings.record.directory:
+            self._recorder.change(*_options_and_papers(settings))
 
     @property
     def counters(self) -> dict[str, int]:

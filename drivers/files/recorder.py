@@ -57,9 +57,7 @@ class Recorder:
     def __init__(self, options: RecorderOptions, papers: FlightPapers) -> None:
         self._options = options
         self._papers = papers
-        self._room = DiskRoom(
-            options.directory, options.max_total_bytes, options.min_free_bytes, options.delete_oldest
-        )
+        self._room = _room(options)
         self._work: deque[tuple[int, Callable[[], None]]] = deque()
         self._waiting_bytes = 0
         self._wake = threading.Condition()
@@ -98,6 +96,18 @@ class Recorder:
         if self._wanted:
             self._wanted = False
             self._put(lambda: self._end(reason))
+
+    def change(self, options: RecorderOptions, papers: FlightPapers) -> None:
+        """Other options and papers from now on; a flight that is being written goes on in a new folder."""
+
+        def work() -> None:
+            self._options, self._papers = options, papers
+            self._room = _room(options)
+            if self._wanted:
+                self._end("other settings")
+                self._begin()
+
+        self._put(work)
 
     def frame(self, frame: Frame) -> None:
         """One camera frame."""
@@ -248,3 +258,8 @@ class Recorder:
     def _report(self, event: str, severity: str, text: str) -> None:
         with self._wake:
             self._events.append(DriverEvent(event, severity, text, now_us()))
+
+
+def _room(options: RecorderOptions) -> DiskRoom:
+    o = options
+    return DiskRoom(o.directory, o.max_total_bytes, o.min_free_bytes, o.delete_oldest)
