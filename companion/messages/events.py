@@ -6,6 +6,8 @@ from companion.messages.messages import Event
 
 EVENTS = {
     "decision_changed": ("info", "the verdict on the surface below changed"),
+    "landing_enabled": ("info", "landing is enabled"),
+    "landing_disabled": ("info", "landing is not enabled"),
     "landing_requested": ("info", "a request to land went out"),
     "clock_settled": ("info", "the autopilot's and the companion's clocks are related"),
     "autopilot_rebooted": ("error", "the autopilot's boot time fell back: it started anew"),

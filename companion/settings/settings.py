@@ -204,6 +204,12 @@ class LandingSettings:
     enable_modes: Annotated[
         tuple[str, ...], Meaning("flight modes that act as the pilot's switch; empty: none")
     ] = ()
+    vehicle_types: Annotated[
+        tuple[str, ...],
+        Meaning(
+            'vehicles beside multicopters and hovering VTOLs that may be landed, as "FIXED_WING" of MAV_TYPE'
+        ),
+    ] = ()
     stick_limit_us: Annotated[
         int, Limits(0, 600, "us", "stick movement that ends the permission; 0: never")
     ] = 300
