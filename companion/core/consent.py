@@ -3,6 +3,7 @@
 from companion.core.health import HealthMonitor
 from companion.core.pilot import PilotControls
 from companion.core.vehicle_state import VehicleState
+from companion.messages.conditions import Code
 from companion.settings.settings import LandingSettings
 from drivers.samples import Sample
 from landing.decision.permission import Gate, Permission, Phase, Position, Seen, Switch, objections
@@ -19,12 +20,9 @@ class Consent:
     (``landing.enabled``, ``set_enabled``), as in a replay.
     """
 
-    def __init__(
-        self, settings: LandingSettings, health: HealthMonitor, *, by_pilot: bool, calibrated: bool = True
-    ) -> None:
+    def __init__(self, settings: LandingSettings, health: HealthMonitor, *, by_pilot: bool) -> None:
         self._s = settings
         self._health = health
-        self._calibrated = calibrated
         switch = Switch()
         if by_pilot:
             modes = frozenset(settings.enable_modes)
@@ -32,8 +30,8 @@ class Consent:
         self._switch = switch
         self.permission = Permission(switch)
         self.vehicle = VehicleState()
-        self.forbidden = False
-        """Whether the link hears two vehicles: nothing may be commanded, whatever the switch says."""
+        self.radio_lost = False
+        """Whether the radio that the pilot would take over with is lost, or its switch is not heard."""
         self._controls = PilotControls(settings)
         self._hand = Position.ON if settings.enabled else Position.OFF
 
@@ -54,10 +52,12 @@ class Consent:
         """Bring the permission up to the present moment."""
         v = self.vehicle
         heard = self._health.state("heartbeat", now_us) == "ok"
+        radio = self._controls.radio(now_us)
+        self.radio_lost = v.radio_lost or (self._switch.radio and radio is Position.UNCLEAR)
         self.permission.step(
             Seen(
                 hand=self._hand,
-                radio=self._controls.radio(now_us),
+                radio=radio,
                 mode=v.mode if heard else None,
                 intended=v.intended,
                 failsafe=v.failsafe,
@@ -92,8 +92,9 @@ class Consent:
             vehicle=v.kind,
             allowed_vehicles=frozenset(name.lower() for name in self._s.vehicle_types),
             stale=stale,
-            two_vehicles=self.forbidden or self._health.vehicles_clash,
-            calibrated=self._calibrated,
+            two_vehicles=self._health.forbids(Code.TWO_VEHICLES),
+            calibrated=not self._health.forbids(Code.UNCALIBRATED),
+            camera_frozen=self._health.forbids(Code.CAMERA_FROZEN),
             command_busy=command_busy,
         )
         return objections(self.permission, gate)
@@ -104,8 +105,8 @@ class Consent:
         permission = self.permission
         if permission.phase not in (Phase.STANDING, Phase.USED):
             return str(permission.objection)
-        if not self._calibrated:
+        if self._health.forbids(Code.UNCALIBRATED):
             return f"landing is not enabled: {Objection(Withheld.UNCALIBRATED)}"
-        if self.forbidden or self._health.vehicles_clash:
+        if self._health.forbids(Code.TWO_VEHICLES):
             return f"landing is not enabled: {Objection(Withheld.TWO_VEHICLES)}"
         return ""

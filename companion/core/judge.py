@@ -1,6 +1,6 @@
 """From estimates to the decision and, rarely, the request to land; and what became of that request."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from companion.core.command import Command, CommandChange, CommandState
 from companion.core.consent import Consent
@@ -23,6 +23,7 @@ from landing.decision.permission import Phase
 from landing.decision.withheld import Withheld
 from landing.estimate import SurfaceEstimate
 from landing.ground.landing_area import LandingArea
+from landing.options import DecisionOptions
 from landing.reasons import Code, Reason, codes, in_words
 
 SECOND_US = 1_000_000
@@ -73,10 +74,10 @@ class Judge:
         area: LandingArea | None = None,
         *,
         by_pilot: bool = False,
-        calibrated: bool = True,
     ) -> None:
+        self._health = health
         self._decider = Decider(settings.decision, area)
-        self._consent = Consent(settings.landing, health, by_pilot=by_pilot, calibrated=calibrated)
+        self._consent = Consent(settings.landing, health, by_pilot=by_pilot)
         self._command = CommandState(settings.landing.mode_timeout_s)
         self._verdict = Verdict("unknown", (Reason(Code.NOTHING_SEEN),), 0.0, False)
         self._frame = 0
@@ -85,15 +86,15 @@ class Judge:
         self._against: str | None = None if by_pilot else ""
         self._by_pilot = by_pilot
 
+    def set_decision(self, options: DecisionOptions, area: LandingArea | None) -> None:
+        """Other limits from now on; the ground has to prove itself anew."""
+        self._decider = Decider(options, area)
+
     def set_enabled(self, enabled: bool, now_us: int) -> None:
         """The user's permission; taking it back and giving it again allows another request."""
         self._consent.set_enabled(enabled, now_us)
         if not enabled:
             self._command.reset()
-
-    def forbid(self, forbidden: bool) -> None:
-        """Whether the link hears two vehicles, of which one would be commanded."""
-        self._consent.forbidden = forbidden
 
     def hold(self) -> None:
         """We ask the autopilot for hold: it is our doing when the landing ends now."""
@@ -103,7 +104,7 @@ class Judge:
     def see(self, estimate: SurfaceEstimate, now_us: int, time_unix_us: int) -> list[Judgement]:
         """Take the next estimate."""
         out: list[Judgement] = []
-        self._verdict = verdict = self._decider.step(estimate)
+        self._verdict = verdict = self._believed(self._decider.step(estimate))
         self._frame = estimate.frame
         self._since_us = time_unix_us - round((estimate.time_s - verdict.since_s) * 1e6)
         if verdict.changed:
@@ -129,6 +130,7 @@ class Judge:
     def follow(self, sample: Followed, now_us: int, time_unix_us: int) -> list[Judgement]:
         """Take what the autopilot says of itself, of its pilot and of the command."""
         self._consent.feed(sample, now_us)
+        self._health.radio_lost = self._consent.radio_lost
         vehicle = self._consent.vehicle
         changes = self._command.feed(sample, vehicle.failsafe is True)
         if vehicle.pilot_took_over:
@@ -197,6 +199,14 @@ class Judge:
     def _requested(self) -> bool:
         """Whether a landing was requested under the present permission, which may have ended since."""
         return self._consent.permission.used
+
+    def _believed(self, verdict: Verdict) -> Verdict:
+        """Without a calibration no slope is known: such a camera may say unfit, never fit."""
+        if self._health.calibrated or verdict.verdict != "fit":
+            return verdict
+        reasons = (Reason(Code.UNCALIBRATED),)
+        changed = (self._verdict.verdict, self._verdict.reasons) != ("unknown", reasons)
+        return replace(verdict, verdict="unknown", reasons=reasons, changed=changed)
 
     def _events_of(self, changes: list[CommandChange], text: str = "") -> list[Event]:
         return [

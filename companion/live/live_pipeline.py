@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from companion.core.camera_model import camera_model
 from companion.core.core import Core, Output, Processed
+from companion.messages.conditions import Condition
 from companion.messages.messages import Event, Health
 from companion.settings.settings import Settings
 from drivers.events import DriverEvent
@@ -33,23 +34,21 @@ Counters = Callable[[], dict[str, int]]
 class LivePipeline:
     """Feeds the core and hands its outputs to ``on_output``, in order.
 
-    ``may_enable()`` False withholds every request, whatever the pilot's switch says; ``counters()`` and
-    ``problems()`` are added to the health that is told.
+    ``conditions()`` are those that stand outside of the core, asked at every turn; ``counters()`` are added to the
+    health that is published.
     """
 
     def __init__(
         self,
         settings: Settings,
         on_output: Handler,
-        may_enable: Callable[[], bool] = lambda: True,
+        conditions: Callable[[], tuple[Condition, ...]] = tuple,
         counters: Counters = dict,
-        problems: Callable[[], tuple[str, ...]] = tuple,
     ) -> None:
         self._settings = settings
         self._on_output = on_output
-        self._may_enable = may_enable
+        self._conditions = conditions
         self._counters = counters
-        self._problems = problems
         self._size = _size(settings)
         self._core = self._new_core()
         self._times_ms: deque[float] = deque(maxlen=TIMES_KEPT)
@@ -69,17 +68,18 @@ class LivePipeline:
 
     def feed(self, samples: list[Sample]) -> None:
         """Take samples in order of arrival."""
+        self._stand()
         for sample in samples:
             if isinstance(sample, Frame):
                 self.counted["frames"] += 1
                 self._fit(sample)
-            self._core.forbid(not self._may_enable())
             started = time.perf_counter()
             outputs = self._core.feed(sample)
             self._hand_on(outputs, started)
 
     def tick(self, now_us: int) -> None:
         """Time passed without a sample."""
+        self._stand()
         started = time.perf_counter()
         self._hand_on(self._core.tick(now_us), started)
 
@@ -100,6 +100,12 @@ class LivePipeline:
     def hold(self) -> None:
         """The autopilot is being asked for hold, by us."""
         self._core.hold()
+
+    def set_settings(self, settings: Settings) -> None:
+        """Other settings of the decision from now on; the rest of them must be the same."""
+        if settings.decision != self._settings.decision:
+            self._core.set_decision(settings.decision)
+        self._settings = settings
 
     def finish(self) -> None:
         """The end: what still waits is processed."""
@@ -123,6 +129,10 @@ class LivePipeline:
             self._size = (width, height)
             self._core = self._new_core()
 
+    def _stand(self) -> None:
+        """Let the core know what stands outside of it."""
+        self._core.set_standing(self._conditions())
+
     def _hand_on(self, outputs: list[Output], started: float) -> None:
         if any(isinstance(output, Processed) for output in outputs):
             self.estimated_at = time.monotonic()
@@ -139,13 +149,8 @@ class LivePipeline:
 
     def _completed(self, health: Health) -> Health:
         mean_ms = round(sum(self._times_ms) / len(self._times_ms), 3) if self._times_ms else None
-        new = tuple(problem for problem in self._problems() if problem not in health.problems)
         return msgspec.structs.replace(
-            health,
-            state="degraded" if new and health.state == "ok" else health.state,
-            problems=health.problems + new,
-            counters={**health.counters, **self._counters()},
-            pipeline_ms=mean_ms,
+            health, counters={**health.counters, **self._counters()}, pipeline_ms=mean_ms
         )
 
 

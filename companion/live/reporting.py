@@ -29,6 +29,10 @@ class GroundReport:
         self._texts = StatusTexts()
         self._values_due_us = 0
 
+    def set_settings(self, settings: MavlinkSettings) -> None:
+        """Other settings of what is sent, from now on."""
+        self._s = settings
+
     def gyro(self, sample: Imu) -> None:
         """Take a gyro sample: OPTICAL_FLOW has the rotation in it, the estimates do not."""
         self._gyro += sample.rate[:2]

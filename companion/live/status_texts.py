@@ -4,6 +4,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from companion.messages.conditions import Code as ConditionCode
+from companion.messages.conditions import Condition, identity
 from companion.messages.events import COMMAND_EVENTS
 from companion.messages.messages import Decision, Event, Health
 from landing.reasons import Code
@@ -40,15 +42,26 @@ SHORT_REASONS = {
     Code.GROUND_UNRESOLVED: "too high to tell",
     Code.GROUND_NOT_SEEN: "landing area not seen",
     Code.DWELL: "flat, not for long enough",
+    Code.UNCALIBRATED: "camera not calibrated",
 }
 """Code -> at most 25 characters."""
 
-SHORT_PROBLEMS = {
-    "clocks": "no time of the autopilot",
-    "camera": "picture frozen",
-    "two vehicles on the link": "two vehicles, set system_id",
+SHORT_CONDITIONS = {
+    ConditionCode.INPUT_MISSING: "{subject}: none came",
+    ConditionCode.INPUT_STALE: "{subject}: stopped",
+    ConditionCode.VITAL_INPUT_MISSING: "{subject}: none came",
+    ConditionCode.VITAL_INPUT_STALE: "{subject}: stopped",
+    ConditionCode.CLOCKS_UNRELATED: "autopilot's time not known",
+    ConditionCode.CAMERA_FROZEN: "picture frozen",
+    ConditionCode.TWO_VEHICLES: "two vehicles, set system_id",
+    ConditionCode.UNCALIBRATED: "camera not calibrated",
+    ConditionCode.RECORDING_STOPPED: "not recording",
+    ConditionCode.CLOCK_WITHOUT_DATE: "date not known",
+    ConditionCode.RADIO_LOST: "switch on the radio not heard",
+    ConditionCode.RATE_TOO_LOW: "too rare: {subject}",
+    ConditionCode.UNSIGNED: "unsigned messages refused",
 }
-"""Beginning of a problem -> at most 39 characters."""
+"""Code -> few words without running numbers."""
 
 SHORT_ENDS = {
     "landing_requested": "surface fit, landing requested",
@@ -66,8 +79,8 @@ class StatusTexts:
         self._verdict = ""
         self._since_us = 0
         self._told_verdict = "unknown"
-        self._problems: frozenset[str] = frozenset()
-        self._well_since_us: int | None = None
+        self._told: dict[tuple[str, str], Condition] = {}
+        self._gone_us: dict[tuple[str, str], int] = {}
         self._well_told = True
         self._id = 0
 
@@ -87,24 +100,23 @@ class StatusTexts:
         return self._text("info", f"{short}, {decision.verdict}")
 
     def health(self, health: Health) -> list[Any]:
-        """New problems by their subject, without running numbers; that all is well when it stays so."""
+        """Conditions that begin; those that have been over for a while; and that all is well when it stays so."""
         now_us = health.time_unix_us
-        kinds = {problem.split(":")[0]: problem for problem in health.problems}
-        severity = "warning" if health.state == "degraded" else "error"
+        standing = {identity(c): c for c in health.conditions}
         texts: list[Any] = []
-        told = set(self._problems & kinds.keys())
-        for kind in sorted(kinds.keys() - self._problems):
-            if self._may(f"problem {kind}", now_us):
-                told.add(kind)
-                texts += self._text(severity, _short(kind, kinds[kind]))
+        for key, found in standing.items():
+            self._gone_us.pop(key, None)
+            if key not in self._told and self._may(f"condition {key}", now_us):
+                self._told[key] = found
                 self._well_told = False
-        self._problems = frozenset(told)
-        if kinds:
-            self._well_since_us = None
-        elif self._well_since_us is None:
-            self._well_since_us = now_us
-        well = self._well_since_us is not None and abs(now_us - self._well_since_us) >= STANDS_US
-        if well and not self._well_told and self._may("well", now_us):
+                texts += self._text(found.severity, _short(found))
+        for key in [key for key in self._told if key not in standing]:
+            gone_us = self._gone_us.setdefault(key, now_us)
+            if abs(now_us - gone_us) >= STANDS_US:
+                ended = self._told.pop(key)
+                if standing and self._may(f"end {key}", now_us):
+                    texts += self._text("info", f"over: {_short(ended)}")
+        if not standing and not self._told and not self._well_told and self._may("well", now_us):
             self._well_told = True
             texts += self._text("info", "all well")
         return texts
@@ -139,13 +151,6 @@ class StatusTexts:
         return [dialect.MAVLink_statustext_message(level, piece, number, i) for i, piece in enumerate(pieces)]
 
 
-def _short(kind: str, problem: str) -> str:
-    if kind in SHORT_PROBLEMS:
-        return SHORT_PROBLEMS[kind]
-    return (
-        f"{kind}: none came"
-        if "none came" in problem
-        else f"{kind}: stopped"
-        if "none for" in problem
-        else problem
-    )
+def _short(found: Condition) -> str:
+    words = SHORT_CONDITIONS[ConditionCode(found.code)]
+    return words.format(subject=found.subject.replace("_", " ") if words.startswith("{") else found.subject)

@@ -21,6 +21,8 @@ EVENTS = {
     "attitude_back": ("info", "frames have an attitude again"),
     "second_vehicle": ("error", "a second vehicle speaks on the link"),
     "input_stale": ("warning", "an input stopped"),
+    "settings_reloaded": ("info", "settings were read again"),
+    "settings_refused": ("error", "settings could not be read again; the old ones stay in force"),
     "input_back": ("info", "an input came back"),
     "landing_in_progress": ("info", "the autopilot works on the command to land"),
     "landing_accepted": ("info", "the autopilot accepted the command to land"),

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import msgspec
 
+from companion.messages.conditions import Condition
 from landing.decision.withheld import Withheld
 from landing.estimate import SurfaceEstimate
 from landing.reasons import Code, Status, codes, in_words
@@ -120,6 +121,9 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
     ]
     camera_late_std_s: Annotated[float | None, about("standard deviation of camera_late_s", "s")]
     pipeline_ms: Annotated[float | None, about("time one frame takes in the pipeline", "ms")]
+    conditions: Annotated[
+        tuple[Condition, ...], about("what is wrong now, by code; problems are their texts")
+    ] = ()
 
 
 class Event(msgspec.Struct, frozen=True, kw_only=True):

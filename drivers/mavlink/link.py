@@ -312,22 +312,18 @@ class Link:
         )
 
     @property
-    def problems(self) -> tuple[str, ...]:
-        """What is wrong on the link, in words, as long as it lasts."""
-        found = [
-            f"{name}: {hz:.1f} Hz, {self.rates.wanted_hz[name]:g} Hz were asked for"
-            for name, hz in sorted(self.rates.slow.items())
-            if name not in MAY_BE_MISSING
-        ]
-        if self.ambiguous:
-            found.append("two vehicles on the link: set vehicle.system_id")
-        if self.system_id is None and self.counters[f"refused: {UNSIGNED}"]:
-            found.append(f"signing: everything is {UNSIGNED}; set up the key on the autopilot too")
-        return tuple(found)
+    def slow(self) -> dict[str, float]:
+        """Messages that come too rarely although they were asked for, and that should come: name -> rate."""
+        return {name: hz for name, hz in sorted(self.rates.slow.items()) if name not in MAY_BE_MISSING}
+
+    @property
+    def unsigned_only(self) -> bool:
+        """Whether a signing key is set here, and nothing but unsigned messages came."""
+        return self.system_id is None and self.counters[f"refused: {UNSIGNED}"] > 0
 
     def _tell_slow(self, now_us: int) -> None:
-        slow = self.rates.slow
-        for name in slow.keys() - self._slow - MAY_BE_MISSING:
+        slow = self.slow
+        for name in slow.keys() - self._slow:
             text = f"{name} comes at {slow[name]:.1f} Hz, {self.rates.wanted_hz[name]:g} Hz were asked for"
             self._event("rate_too_low", "warning", text, now_us, message=name)
         self._slow = frozenset(slow)

@@ -223,6 +223,7 @@ class Gate:
     stale: tuple[str, ...] = ()
     two_vehicles: bool = False
     calibrated: bool = True
+    camera_frozen: bool = False
     command_busy: bool = False
 
 
@@ -251,6 +252,7 @@ def objections(permission: Permission, gate: Gate) -> tuple[Objection, ...]:
     found.append(Objection(Withheld.STALE_INPUTS, g.stale) if g.stale else None)
     found.append(_if(g.two_vehicles, Withheld.TWO_VEHICLES))
     found.append(_if(not g.calibrated, Withheld.UNCALIBRATED))
+    found.append(_if(g.camera_frozen, Withheld.CAMERA_FROZEN))
     found.append(_if(g.command_busy, Withheld.COMMAND_UNDER_WAY))
     return tuple(_present(found))
 

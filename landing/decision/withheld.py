@@ -35,6 +35,7 @@ class Withheld(StrEnum):
     STALE_INPUTS = "stale_inputs"
     TWO_VEHICLES = "two_vehicles"
     UNCALIBRATED = "uncalibrated"
+    CAMERA_FROZEN = "camera_frozen"
     COMMAND_UNDER_WAY = "command_under_way"
 
 
@@ -80,6 +81,7 @@ WORDS = {
     Withheld.STALE_INPUTS: "stale inputs",
     Withheld.TWO_VEHICLES: "two vehicles on the link, set vehicle.system_id",
     Withheld.UNCALIBRATED: "the camera is not calibrated",
+    Withheld.CAMERA_FROZEN: "the picture stands still while the vehicle turns",
     Withheld.COMMAND_UNDER_WAY: "a command is under way",
 }
 """Code -> words; the only place where they are made."""

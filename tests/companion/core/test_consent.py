@@ -244,8 +244,8 @@ def test_after_a_reboot_nothing_is_known_and_nothing_permitted() -> None:
 
 def test_two_vehicles_withhold_without_ending_the_permission() -> None:
     scene = flying()
-    scene.consent.forbidden = True
+    scene.health.vehicles_clash = True
     assert scene.codes() == ["two_vehicles"]
     assert "two vehicles" in scene.consent.against_enabling
-    scene.consent.forbidden = False
+    scene.health.vehicles_clash = False
     assert scene.codes() == []

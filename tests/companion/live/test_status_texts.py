@@ -12,16 +12,19 @@ from companion.core.command import Command, CommandChange
 from companion.live.status_texts import (
     AGAIN_US,
     PREFIX,
-    SHORT_PROBLEMS,
+    SHORT_CONDITIONS,
     SHORT_REASONS,
     TEXT_LENGTH,
     StatusTexts,
 )
+from companion.messages.conditions import Code as ConditionCode
+from companion.messages.conditions import Condition, condition, state_of
 from companion.messages.messages import Decision, Event, Health
 from landing.decision.withheld import WORDS, Withheld
 from landing.reasons import Code
 
-LOST, GONE = "frames: none for {} s", "attitude: none came"
+LOST = condition(ConditionCode.VITAL_INPUT_STALE, "frames", "2.0 s")
+GONE = condition(ConditionCode.VITAL_INPUT_MISSING, "attitude")
 
 
 def decision(at_s: float, verdict: str, *codes: str) -> Decision:
@@ -39,11 +42,12 @@ def decision(at_s: float, verdict: str, *codes: str) -> Decision:
     )
 
 
-def health(at_s: float, *problems: str) -> Health:
+def health(at_s: float, *conditions: Condition) -> Health:
     return Health(
         time_unix_us=round(at_s * 1e6),
-        state="degraded" if problems else "ok",
-        problems=problems,
+        state=state_of(conditions),
+        problems=tuple(c.text for c in conditions),
+        conditions=conditions,
         inputs={},
         counters={},
         clock_offset_s=None,
@@ -86,24 +90,26 @@ def test_a_verdict_that_flickers_is_not_told_at_every_change() -> None:
 
 
 def test_a_problem_is_told_once_however_its_seconds_run() -> None:
-    told = said(health(0), *(health(i, LOST.format(i)) for i in range(1, 60)))
+    told = said(
+        health(0),
+        *(health(i, condition(ConditionCode.VITAL_INPUT_STALE, "frames", f"{i} s")) for i in range(1, 60)),
+    )
     assert told == ["frames: stopped"]
 
 
 def test_health_is_told_by_its_new_problems_and_when_all_is_well_to_stay() -> None:
     told = said(
-        health(1, LOST.format(2)),
-        health(2, LOST.format(3), GONE),
-        health(3),
-        health(4),
-        health(5),
-        health(6),
+        health(1, LOST),
+        health(2, LOST, GONE),
+        health(3, GONE),
+        health(4, GONE),
+        *(health(5 + i) for i in range(4)),
     )
-    assert told == ["frames: stopped", "attitude: none came", "all well"]
+    assert told == ["frames: stopped", "attitude: none came", "over: frames: stopped", "all well"]
 
 
 def test_a_problem_that_comes_and_goes_is_told_at_most_once_in_five_seconds() -> None:
-    told = said(*(health(i * 0.5, *((LOST.format(1),) if i % 2 else ())) for i in range(40)))
+    told = said(*(health(i * 0.5, *((LOST,) if i % 2 else ())) for i in range(40)))
     assert told.count("frames: stopped") <= 20 / (AGAIN_US * 1e-6)
     assert "all well" not in told
 
@@ -128,7 +134,9 @@ def test_everything_short_is_short_and_every_reason_has_one() -> None:
     room = TEXT_LENGTH - len(PREFIX)
     assert set(SHORT_REASONS) == set(Code)
     assert all(len(f"{words}, unknown") <= room for words in SHORT_REASONS.values())
-    assert all(len(words) <= room for words in SHORT_PROBLEMS.values())
+    assert set(SHORT_CONDITIONS) == set(ConditionCode)
+    longest = max(("landed_state", "LOCAL_POSITION_NED", "EXTENDED_SYS_STATE"), key=len)
+    assert all(len(f"over: {words.format(subject=longest)}") <= room for words in SHORT_CONDITIONS.values())
 
 
 @pytest.mark.parametrize("code", [c for c in Command if c is not Command.NONE])
