@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from drivers.mavlink import current_mode as current_mode  # before the ids are taken from the table
+
 IDS = {message.msgname: number for number, message in dialect.mavlink_map.items()}
 
 

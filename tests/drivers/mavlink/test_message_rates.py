@@ -105,3 +105,9 @@ def test_everything_else_of_mavsdks_goes_out(message: object) -> None:
     owner = RatesOwner()
     assert not owner.takes(wire(message), {"EXTENDED_SYS_STATE"})
     assert owner.answers(1, 1) == []
+
+
+def test_every_message_that_may_be_asked_for_has_an_id() -> None:
+    wanted = ("CURRENT_MODE", "MANUAL_CONTROL", "SYS_STATUS", "EXTENDED_SYS_STATE", "RC_CHANNELS")
+    rates = MessageRates(dict.fromkeys(wanted, 5.0))
+    assert [r.message_id for r in rates.due(0)] == [436, 69, 1, 245, 65]
