@@ -23,7 +23,7 @@ from companion.messages.preview import PreviewPublisher
 from companion.settings.settings import Settings
 from drivers.errors import DriverError
 from drivers.events import DriverEvent
-from drivers.samples import CommandAnswer, Imu, Sample
+from drivers.samples import CommandAnswer, Heartbeat, Imu, Sample
 from drivers.system.host_clock import has_date, now_us
 from drivers.system.service_manager import ServiceManager
 
@@ -160,6 +160,8 @@ class Daemon:
             for sample in samples:
                 if isinstance(sample, Imu):
                     self._report.gyro(sample)
+                elif isinstance(sample, Heartbeat):
+                    self._report.autopilot = sample.autopilot
 
     def _output(self, output: Output) -> None:
         if isinstance(output, LandRequest):
