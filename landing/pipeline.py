@@ -13,6 +13,7 @@ from landing.errors import LandingError
 from landing.estimate import SurfaceEstimate, TrackView
 from landing.ground.border import Border
 from landing.ground.brink import Brink
+from landing.ground.ground import Ground
 from landing.ground.roughness import Relief, ReliefMap
 from landing.ground.unlike import Unlike
 from landing.motion.views import Views
@@ -60,6 +61,7 @@ class SurfacePipeline:
         self.border = Border(options.estimator, camera)
         self.brink = Brink(options.estimator, camera)
         self.unlike = Unlike(options.estimator, camera)
+        self.ground = Ground(options.ground, camera)
         e = options.estimator
         self.time_offset = TimeOffsetFilter(
             e.time_offset_std_s, e.time_offset_drift, e.attitude_error_std_rad
@@ -89,7 +91,9 @@ class SurfacePipeline:
         self._motion = None
         if plane.status == "ok" and math.isfinite(plane.divergence):
             self._motion = plane.omega, plane.normal
-        return self._estimate(observation, plane)
+        estimate = self._estimate(observation, plane)
+        self.ground.step(self.views, plane, observation, estimate)
+        return estimate
 
     def _prediction(self, observation: Observation) -> tuple[Array, Array] | None:
         """This frame's normalised points from the last's: homographies of the last plane and of what is far away."""

@@ -1,0 +1,125 @@
+"""The ground below, from frame to frame: relief into the map, and at its own rate what of it can be landed on."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from landing.estimate import SurfaceEstimate
+from landing.ground.map import GroundMap
+from landing.ground.relief import DenseRelief
+from landing.ground.scale import Scale, along_normal
+from landing.ground.spots import UNKNOWN, Code, Disc, Discs, Spot
+from landing.motion.views import Views
+from landing.observation import Observation
+from landing.options import GroundOptions
+from landing.plane.plane import Plane
+from landing.vision.camera import CameraModel
+
+Array = NDArray[np.float64]
+
+_STEP_M = 0.1
+"""Places of the way to the stopping point are so far apart."""
+_WEIGHT = 1.0
+"""A look's share that is new, over the motion since the last over that of its baseline."""
+
+
+@dataclass(frozen=True, slots=True)
+class GroundReport:
+    """What can be landed on at one frame: the discs ``below`` and at ``touchdown`` (from the vehicle), and spots."""
+
+    frame: int
+    time_s: float
+    place_ned: Array
+    below: Disc
+    touchdown: Disc
+    touchdown_north_m: float
+    touchdown_east_m: float
+    spots: tuple[Spot, ...]
+
+
+class Ground:
+    """Feed it every frame; ``report`` says what it comes to."""
+
+    def __init__(self, options: GroundOptions, camera: CameraModel) -> None:
+        self.options, self._camera = options, camera
+        self.relief = DenseRelief(options, camera)
+        self.map = GroundMap(options, camera.focal_px)
+        self.scale = Scale()
+        self._last_s = math.nan
+        self._velocity: Array | None = None
+        self._velocity_std = math.nan
+        self._tilt_std_deg = math.nan
+
+    def step(self, views: Views, plane: Plane, observation: Observation, estimate: SurfaceEstimate) -> None:
+        """Take the frame that ``views`` and ``plane`` are of; ``estimate`` has its height."""
+        interval_s = observation.time_s - self._last_s
+        self._last_s = observation.time_s
+        ned_from_camera = views.newest.ned_from_camera
+        normal, known = plane.normal, bool(np.isfinite(plane.omega).all())
+        length = float(np.linalg.norm(normal))
+        approach = float(normal @ plane.omega) if known else math.nan
+        self.scale.step(
+            interval_s,
+            approach if known else 0.0,
+            along_normal(estimate.height_m, normal),
+            estimate.height_std_m / length,
+        )
+        distance_m = self.scale.distance_m * length
+        self._velocity, self._velocity_std = observation.velocity_ned, observation.velocity_std
+        self._tilt_std_deg = estimate.inclination_std_deg
+        way = None
+        if known and math.isfinite(distance_m) and ned_from_camera is not None:
+            way = ned_from_camera @ plane.omega * (distance_m * interval_s)
+        elif observation.velocity_ned is not None:
+            way = observation.velocity_ned * interval_s
+        self.map.move(observation.time_s, way if math.isfinite(interval_s) else np.zeros(3))
+        relief = self.relief.step(views, plane)
+        if relief is None or ned_from_camera is None or not math.isfinite(distance_m):
+            return
+        self.map.look(relief, ned_from_camera, distance_m, self.options.look_step)
+
+    def report(self, frame: int) -> GroundReport:
+        """What can be landed on, at the newest frame."""
+        discs = Discs(self.map, self.options, self._tilt_std_deg, self.scale.relative_std)
+        north, east, up = self.map.place.tolist()
+        below = discs.at(*self.map.cell_of(north, east))
+        stop = self._stopping_point()
+        if stop is None:
+            touchdown, stop = Disc(UNKNOWN, (Code.NO_STOPPING_POINT,)), (math.nan, math.nan)
+        else:
+            count = max(2, math.ceil(math.hypot(*stop) / _STEP_M) + 1)
+            way = np.linspace((north, east), (north + stop[0], east + stop[1]), count)
+            touchdown = discs.along(self.map, way)
+        return GroundReport(
+            frame,
+            self._last_s,
+            np.array((north, east, -up)),
+            below,
+            touchdown,
+            *stop,
+            discs.spots(self.map, 0.0),
+        )
+
+    def _stopping_point(self) -> tuple[float, float] | None:
+        """Where ArduCopter's LAND stops, north and east of the vehicle, m; None without a velocity."""
+        if self._velocity is None:
+            return None
+        north, east = self._velocity[:2].tolist()
+        speed = math.hypot(north, east)
+        way = stopping_distance(speed)
+        if not math.isfinite(way):
+            return None
+        return (north * way / speed, east * way / speed) if speed > 0 else (0.0, 0.0)
+
+
+_GAIN, _BRAKING = 1.0, 2.5
+
+
+def stopping_distance(speed: float) -> float:
+    """How far ArduCopter's position controller goes on from a speed in m/s (PSC_POSXY_P 1, WPNAV_ACCEL 250)."""
+    linear = _BRAKING / _GAIN
+    if speed <= linear:
+        return speed / _GAIN
+    return linear / (2 * _GAIN) + speed * speed / (2 * _BRAKING)

@@ -1,0 +1,223 @@
+"""Where the vehicle can stand: the disc of its own size about every cell of the ground map, judged by the same rules.
+
+A disc is a least-squares plane through its known cells: the plane's inclination, the largest distance of a cell from
+it (the step), and the share of the disc that is known. It is landable when all three are sure to be within limits, a
+hazard when one is sure to be beyond, and unknown else.
+"""
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from landing.ground.map import CELL_M, CELLS, GroundMap
+from landing.options import GroundOptions
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+NAN = math.nan
+_MOST_SPOTS = 5
+_LOOKED_AT = 0.3
+"""Known share of a disc from which it may turn out a hazard."""
+_INDEPENDENT_CELLS = 9
+"""Cells of a disc whose errors count as independent: neighbours share the windows of their matches."""
+_NEAR_M, _FAR_HAZARD_M = 0.5, 1.0
+"""A metre of distance counts as much as half a metre of clearance; beyond a metre clearance does not matter."""
+
+
+class Code(StrEnum):
+    """Why a disc is not landable."""
+
+    NO_METRES = "no_metres"
+    NO_STOPPING_POINT = "no_stopping_point"
+    NOT_SEEN = "not_seen"
+    STEEP = "steep"
+    MAY_BE_STEEP = "may_be_steep"
+    STEP = "step"
+    MAY_BE_STEP = "may_be_step"
+
+
+LANDABLE, HAZARD, UNKNOWN = "landable", "hazard", "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class Disc:
+    """A disc of ground: ``verdict`` "landable", "hazard" or "unknown", why, and what was measured (NaN: nothing)."""
+
+    verdict: str
+    reasons: tuple[Code, ...]
+    inclination_deg: float = NAN
+    inclination_std_deg: float = NAN
+    step_m: float = NAN
+    known: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """A landable disc, from the vehicle; ``clearance_m``: how far its edge is from what is not landable."""
+
+    north_m: float
+    east_m: float
+    radius_m: float
+    inclination_deg: float
+    step_m: float
+    clearance_m: float
+
+
+class Discs:
+    """The discs about every cell of a map (rows, columns), worked out at once."""
+
+    def __init__(self, ground: GroundMap, options: GroundOptions, tilt_std_deg: float, scale_std: float) -> None:
+        """``tilt_std_deg``: error of level, one sigma; ``scale_std``: relative error of metres."""
+        self.options, self._tilt_std_deg = options, tilt_std_deg
+        self._metres = math.isfinite(scale_std) and scale_std <= options.max_scale_std
+        reach = math.floor(options.landing_radius_m / CELL_M + 0.5)
+        offset = np.arange(-reach, reach + 1) * CELL_M
+        x, y = np.meshgrid(offset, offset, indexing="ij")
+        inside = np.hypot(x, y) <= options.landing_radius_m + CELL_M / 2
+        self._reach, self._x, self._y, self._inside = reach, x, y, inside
+        known = ground.known
+        shape = known.shape
+        self.known = _sum(known.astype(np.float64), inside.astype(np.float64)) / inside.sum()
+        self.inclination_deg, self.step_m, self.least_step_m, self.std_m = (np.full(shape, NAN) for _ in range(4))
+        candidates = np.flatnonzero(self.known >= _LOOKED_AT)
+        if len(candidates):
+            self._fit(ground, known, candidates)
+
+    def _fit(self, ground: GroundMap, known: Mask, candidates: NDArray[np.intp]) -> None:
+        x, y, inside = self._x, self._y, self._inside.astype(np.float64)
+        level = float(ground.height[known].mean())
+        mask = known.astype(np.float64)
+        height = np.where(known, ground.height - level, 0.0)
+        variance = np.where(known, ground.variance, 0.0)
+        n, sx, sy, sxx, sxy, syy = (
+            _sum(mask, k * inside).ravel()[candidates] for k in (x * 0 + 1, x, y, x * x, x * y, y * y)
+        )
+        z, zx, zy = (_sum(height, k * inside).ravel()[candidates] for k in (x * 0 + 1, x, y))
+        mx, my, mz = sx / n, sy / n, z / n
+        cxx, cxy, cyy = sxx - n * mx * mx, sxy - n * mx * my, syy - n * my * my
+        bx, by = zx - mx * z, zy - my * z
+        determinant = np.maximum(cxx * cyy - cxy * cxy, 1e-12)
+        north = (cyy * bx - cxy * by) / determinant
+        east = (cxx * by - cxy * bx) / determinant
+        middle = mz - north * mx - east * my
+        std = np.sqrt(_sum(variance, inside).ravel()[candidates] / n)
+        sigma = np.sqrt(np.where(known, ground.variance, 0.0))
+        most, least = np.zeros(len(candidates)), np.zeros(len(candidates))
+        row, column = np.divmod(candidates, CELLS)
+        for i, j in zip(*self._inside.nonzero(), strict=True):
+            r, c = row + (i - self._reach), column + (j - self._reach)
+            within = (r >= 0) & (r < CELLS) & (c >= 0) & (c < CELLS)
+            at = np.where(within, r * CELLS + c, 0)
+            off = np.abs(height.ravel()[at] - middle - north * x[i, j] - east * y[i, j])
+            there = within & known.ravel()[at]
+            np.maximum(most, np.where(there, off, 0.0), out=most)
+            doubt = self.options.sigmas * sigma.ravel()[at]
+            np.maximum(least, np.where(there, off - doubt, 0.0), out=least)
+        self.inclination_deg.ravel()[candidates] = np.degrees(np.arctan(np.hypot(north, east)))
+        self.step_m.ravel()[candidates] = most
+        self.least_step_m.ravel()[candidates] = least
+        self.std_m.ravel()[candidates] = std
+
+    @property
+    def inclination_std_deg(self) -> Array:
+        """Standard deviation (rows, columns)."""
+        lever = self.options.landing_radius_m / 2 * math.sqrt(_INDEPENDENT_CELLS)
+        return np.hypot(self._tilt_std_deg, np.degrees(self.std_m / lever))
+
+    @property
+    def landable(self) -> Mask:
+        """Cells whose disc is landable. Every comparison fails on NaN."""
+        o = self.options
+        steepest = self.inclination_deg + o.sigmas * self.inclination_std_deg
+        return np.asarray(
+            self._metres
+            & (self.known >= o.min_known)
+            & (steepest <= o.max_inclination_deg)
+            & (self.step_m <= o.max_step_m)
+        )
+
+    def at(self, row: int, column: int) -> Disc:
+        """The disc about a cell; unknown outside of the grid."""
+        if not (0 <= row < CELLS and 0 <= column < CELLS):
+            return Disc(UNKNOWN, (Code.NOT_SEEN,))
+        o = self.options
+        known, inclination = float(self.known[row, column]), float(self.inclination_deg[row, column])
+        inclination_std = float(self.inclination_std_deg[row, column])
+        step, least_step = float(self.step_m[row, column]), float(self.least_step_m[row, column])
+        doubt = o.sigmas * inclination_std
+        reasons = []
+        if not self._metres:
+            reasons.append(Code.NO_METRES)
+        if not known >= o.min_known:
+            reasons.append(Code.NOT_SEEN)
+        if inclination - doubt > o.max_inclination_deg:
+            reasons.append(Code.STEEP)
+        elif not inclination + doubt <= o.max_inclination_deg:
+            reasons.append(Code.MAY_BE_STEEP)
+        if least_step > o.max_step_m:
+            reasons.append(Code.STEP)
+        elif not step <= o.max_step_m:
+            reasons.append(Code.MAY_BE_STEP)
+        hazard = self._metres and (Code.STEEP in reasons or Code.STEP in reasons)
+        verdict = HAZARD if hazard else UNKNOWN if reasons else LANDABLE
+        return Disc(verdict, tuple(reasons), inclination, inclination_std, step, known)
+
+    def along(self, ground: GroundMap, places: Array) -> Disc:
+        """The worst disc about places (n, 2), north and east in the map's axes."""
+        cells = dict.fromkeys(ground.cell_of(float(n), float(e)) for n, e in places)
+        return worst([self.at(row, column) for row, column in cells])
+
+    def spots(self, ground: GroundMap, place_std_m: float) -> tuple[Spot, ...]:
+        """Landable discs, best first: far from what is not landable, level, near the vehicle.
+
+        Only discs that stay landable when they lie ``place_std_m`` (one sigma) elsewhere.
+        """
+        landable = self.landable
+        if not landable.any():
+            return ()
+        clearance = cv2.distanceTransform(landable.astype(np.uint8), cv2.DIST_L2, 5) * CELL_M
+        row, column = (clearance > CELL_M + self.options.sigmas * place_std_m).nonzero()
+        if not len(row):
+            return ()
+        corner_north, corner_east = ground.corner_m
+        north = corner_north + (row + 0.5) * CELL_M - ground.place[0]
+        east = corner_east + (column + 0.5) * CELL_M - ground.place[1]
+        clear = clearance[row, column].astype(np.float64)
+        inclination, step = self.inclination_deg[row, column], self.step_m[row, column]
+        merit = np.minimum(clear, _FAR_HAZARD_M) - _NEAR_M * np.hypot(north, east)
+        merit -= inclination / self.options.max_inclination_deg + step / self.options.max_step_m
+        found: list[Spot] = []
+        for k in np.argsort(-merit, kind="stable"):
+            if all(
+                math.hypot(north[k] - s.north_m, east[k] - s.east_m) >= 2 * self.options.landing_radius_m
+                for s in found
+            ):
+                found.append(
+                    Spot(
+                        float(north[k]),
+                        float(east[k]),
+                        self.options.landing_radius_m,
+                        float(inclination[k]),
+                        float(step[k]),
+                        float(clear[k]),
+                    )
+                )
+                if len(found) == _MOST_SPOTS:
+                    break
+        return tuple(found)
+
+
+def worst(discs: list[Disc]) -> Disc:
+    """The one that speaks most against landing; unknown when there is none."""
+    order = {HAZARD: 0, UNKNOWN: 1, LANDABLE: 2}
+    return min(discs, key=lambda d: (order[d.verdict], d.known), default=Disc(UNKNOWN, (Code.NOT_SEEN,)))
+
+
+def _sum(cells: Array, kernel: Array) -> Array:
+    """Sums (rows, columns) over a kernel about every cell; nothing lies outside of the grid."""
+    return np.asarray(cv2.filter2D(cells, cv2.CV_64F, kernel, borderType=cv2.BORDER_CONSTANT))
