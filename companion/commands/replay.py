@@ -1,7 +1,7 @@
 """Run recorded flights, videos or folders of images through the pipeline, and say what happened.
 
 A FLIGHT is a flight folder, a plain video file or a folder of images. With several flights, which run in
-parallel, --out, --events, --plot and --video take a directory or a name with {flight} in it.
+parallel, --out, --ground, --events, --plot and --video take a directory or a name with {flight} in it.
 """
 
 import argparse
@@ -35,6 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     files = parser.add_argument_group("what is written")
     files.add_argument("--out", metavar="FILE.jsonl", help="one estimate a frame")
+    files.add_argument("--ground", metavar="FILE.jsonl", help="what of the ground can be landed on, 2 Hz")
     files.add_argument("--events", metavar="FILE.jsonl", help="every change of decision and every event")
     files.add_argument("--plot", metavar="FILE.png", help="the flight at a glance (needs the extra 'plot')")
     files.add_argument("--video", metavar="FILE.mp4", help="tracks, surface and verdict drawn on the frames")
@@ -99,7 +100,13 @@ def _jobs(args: argparse.Namespace) -> "list[ReplayJob]":
             raise LandslopeError(
                 f"{flight}: there is no such flight; give a flight folder, a video or an image folder"
             )
-    wanted = {"out": args.out, "events": args.events, "plot": args.plot, "video": args.video}
+    wanted = {
+        "out": args.out,
+        "ground": args.ground,
+        "events": args.events,
+        "plot": args.plot,
+        "video": args.video,
+    }
     names = names_of(args.flights)
     outputs = [outputs_for(name, wanted, several) for name in names]
     check_writable(outputs)

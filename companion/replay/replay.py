@@ -104,9 +104,10 @@ class _Run:
         )
         outputs = job.outputs
         self._out = LineFile(outputs.out) if outputs.out else None
+        self._ground = LineFile(outputs.ground) if outputs.ground else None
         self._events = LineFile(outputs.events) if outputs.events else None
         self._video = OverlayWriter(outputs.video, source.camera) if outputs.video else None
-        for file in (self._out, self._events, self._video):
+        for file in (self._out, self._ground, self._events, self._video):
             if file:
                 stack.callback(file.close)
         self._publisher, self._preview = _published(job, source, stack)
@@ -168,6 +169,8 @@ class _Run:
         self.history.add(message)
         if self._out and topic_of(message) == "estimate":
             self._out.message(message)
+        if self._ground and topic_of(message) == "ground":
+            self._ground.message(message)
         if self._events:
             self._events.event(message, self._last_decision)
         if isinstance(message, Decision):

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from landing.options import DecisionOptions, EstimatorOptions, Limits, TrackingOptions
+from landing.options import DecisionOptions, EstimatorOptions, GroundOptions, Limits, TrackingOptions
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +57,12 @@ class VehicleSettings:
 
     name: Annotated[str, Meaning("the vehicle's part of the keys landslope/NAME/...")] = "vehicle1"
     system_id: Annotated[int, Limits(0, 255, "", "MAVLink system id; 0 takes the only one there is")] = 0
+    landing_radius_m: Annotated[
+        float, Limits(0.1, 2, "m", "radius of the disc of ground that the vehicle stands on")
+    ] = 0.5
+    max_step_m: Annotated[
+        float, Limits(0.01, 1, "m", "largest step within that disc that the vehicle can stand on")
+    ] = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,3 +296,13 @@ class Settings:
     landing: LandingSettings = field(default_factory=LandingSettings)
     record: RecordSettings = field(default_factory=RecordSettings)
     preview: PreviewSettings = field(default_factory=PreviewSettings)
+
+    @property
+    def ground(self) -> GroundOptions:
+        """The ground map's options: what the vehicle can stand on, and the decision's limits."""
+        return GroundOptions(
+            landing_radius_m=self.vehicle.landing_radius_m,
+            max_step_m=self.vehicle.max_step_m,
+            max_inclination_deg=self.decision.max_inclination_deg,
+            sigmas=self.decision.sigmas,
+        )

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from landing.estimate import SurfaceEstimate
-from landing.ground.map import GroundMap
+from landing.ground.map import CELL_M, GroundMap
 from landing.ground.relief import DenseRelief
 from landing.ground.scale import Scale, along_normal
-from landing.ground.spots import UNKNOWN, Code, Disc, Discs, Spot
+from landing.ground.spots import UNKNOWN, Disc, Discs, GroundCode, Spot
 from landing.motion.views import Views
 from landing.observation import Observation
 from landing.options import GroundOptions
@@ -21,8 +21,8 @@ Array = NDArray[np.float64]
 
 _STEP_M = 0.1
 """Places of the way to the stopping point are so far apart."""
-_WEIGHT = 1.0
-"""A look's share that is new, over the motion since the last over that of its baseline."""
+_DISPUTED = 0.5
+"""Share of the recent looks that differ from which a cell is shown as disputed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +37,17 @@ class GroundReport:
     touchdown_north_m: float
     touchdown_east_m: float
     spots: tuple[Spot, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class MapView:
+    """The known part of the map: ``height_m`` (rows, columns), NaN where unknown, and ``state`` (rows, columns):
+    0 unknown, 1 measured, 2 measured with a landable disc about it, 3 looks disagree. The corner is north and east."""
+
+    north0_m: float
+    east0_m: float
+    height_m: Array
+    state: NDArray[np.uint8]
 
 
 class Ground:
@@ -78,16 +89,21 @@ class Ground:
         relief = self.relief.step(views, plane)
         if relief is None or ned_from_camera is None or not math.isfinite(distance_m):
             return
-        self.map.look(relief, ned_from_camera, distance_m, self.options.look_step)
+        self.map.look(relief, ned_from_camera, distance_m)
+
+    def forget(self) -> None:
+        """What was seen does not hold: the pictures are not of what is below."""
+        self.map.forget()
+        self.scale.forget()
 
     def report(self, frame: int) -> GroundReport:
         """What can be landed on, at the newest frame."""
-        discs = Discs(self.map, self.options, self._tilt_std_deg, self.scale.relative_std)
+        discs = self._discs()
         north, east, up = self.map.place.tolist()
         below = discs.at(*self.map.cell_of(north, east))
         stop = self._stopping_point()
         if stop is None:
-            touchdown, stop = Disc(UNKNOWN, (Code.NO_STOPPING_POINT,)), (math.nan, math.nan)
+            touchdown, stop = Disc(UNKNOWN, (GroundCode.NO_STOPPING_POINT,)), (math.nan, math.nan)
         else:
             count = max(2, math.ceil(math.hypot(*stop) / _STEP_M) + 1)
             way = np.linspace((north, east), (north + stop[0], east + stop[1]), count)
@@ -101,6 +117,27 @@ class Ground:
             *stop,
             discs.spots(self.map, 0.0),
         )
+
+    def view(self) -> MapView | None:
+        """The known part of the map; None where there is none."""
+        rows, columns = (self.map.looks > 0).nonzero()
+        if not len(rows):
+            return None
+        part = slice(int(rows.min()), int(rows.max()) + 1), slice(int(columns.min()), int(columns.max()) + 1)
+        known = self.map.known[part]
+        state = known.astype(np.uint8)
+        state[known & self._discs().landable[part]] = 2
+        state[self.map.disputed[part] > _DISPUTED] = 3
+        north, east = self.map.corner_m
+        return MapView(
+            north + part[0].start * CELL_M,
+            east + part[1].start * CELL_M,
+            np.where(known, self.map.height[part], math.nan),
+            state,
+        )
+
+    def _discs(self) -> Discs:
+        return Discs(self.map, self.options, self._tilt_std_deg, self.scale.relative_std)
 
     def _stopping_point(self) -> tuple[float, float] | None:
         """Where ArduCopter's LAND stops, north and east of the vehicle, m; None without a velocity."""

@@ -86,8 +86,8 @@ class GroundMap:
             self.variance += _CHANGE_STD_M**2 * interval_s
         self._follow()
 
-    def look(self, relief: ViewRelief, ned_from_camera: Array, distance_m: float, weight: float) -> None:
-        """Take one look. ``distance_m`` is the plane's along the axis, ``weight`` how much of the look is new."""
+    def look(self, relief: ViewRelief, ned_from_camera: Array, distance_m: float) -> None:
+        """Take one look. ``distance_m`` is the plane's along the axis."""
         footprint_m = BLOCK * distance_m / self._focal_px
         parts = max(1, math.ceil(footprint_m / CELL_M))
         if parts > _COARSEST:
@@ -107,7 +107,7 @@ class GroundMap:
         seen = count.nonzero()[0]
         height = np.bincount(index, information * up[source], size)[seen] / total[seen]
         variance = count[seen] / total[seen]
-        self._fuse(seen, height, variance, weight)
+        self._fuse(seen, height, variance, relief.fresh)
 
     def _refuse(
         self, relief: ViewRelief, ned_from_camera: Array, distance_m: float, parts: int, footprint_m: float

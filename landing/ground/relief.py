@@ -33,6 +33,8 @@ SUPPORT = 2 * BLOCK
 """Side of the window that a block's match is taken over, px."""
 KEPT = 40
 """Pictures kept; the gap looked back over is at most one less."""
+_FRAMES_APART = 3
+"""Frames from look to look at least: what a look costs is spread over them."""
 _SAMPLE = 40
 _INDEPENDENT = 0.25
 """Share of a window's pixels whose noise counts as independent: interpolation and compression spread it."""
@@ -56,16 +58,15 @@ class ViewRelief:
 
     ``points`` (n, 2) are the blocks' middles, normalised, in the newest frame; ``depth`` (n,) the distance along the
     axis over that of the plane at the axis, NaN where it is not known; ``std`` (n,) one sigma of it. ``moving`` (n,)
-    marks what moves against the ground. ``flow_px`` is the flow over the baseline, ``t`` (3,) the displacement over it
-    in heights.
+    marks what moves against the ground. ``fresh`` is the motion since the last look over that of the baseline, at most
+    one: looks over the same baseline share their errors.
     """
 
     points: Array
     depth: Array
     std: Array
     moving: NDArray[np.bool_]
-    flow_px: float
-    t: Array
+    fresh: float
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -91,7 +92,7 @@ class DenseRelief:
         self._grid = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
         self.mask = np.zeros(len(self._centres), bool)
         """Blocks (n,) that never show the ground."""
-        self._moved = math.inf
+        self._moved, self._frames = math.inf, 0
 
     @property
     def target_px(self) -> float:
@@ -101,26 +102,25 @@ class DenseRelief:
     def step(self, views: Views, plane: Plane) -> ViewRelief | None:
         """The relief at the newest frame; None between looks, and where the motion shows none."""
         self._images.appendleft(views.tracker.images[0])
+        self._frames += 1
         if plane.status != "ok" or not np.isfinite(plane.omega).all():
             self._moved = math.inf
             return None
         if views.longest >= 1:
             interval_s = views.newest.time_s - views.view(1).time_s
             self._moved += float(np.linalg.norm(plane.omega)) * interval_s * self.camera.focal_px
-        if self._moved < self.options.look_step * self.target_px:
+        if self._moved < self.options.look_step * self.target_px or self._frames < _FRAMES_APART:
             return None
-        found = self._gap(views)
-        if found is None:
+        gap = self._gap(views)
+        motion = None if gap is None else self._motion(views, plane, gap)
+        if gap is None or motion is None:
             return None
-        gap, flow_px = found
-        motion = self._motion(views, plane, gap)
-        if motion is None:
-            return None
-        self._moved = 0.0
-        return self._look(plane.normal, *motion, self._images[gap], flow_px)
+        fresh = min(1.0, self._moved / self.target_px)
+        self._moved, self._frames = 0.0, 0
+        return self.look(self._images[0], self._images[gap], plane.normal, *motion, fresh)
 
-    def _gap(self, views: Views) -> tuple[int, float] | None:
-        """The gap whose flow is nearest to the one wanted, and that flow in px."""
+    def _gap(self, views: Views) -> int | None:
+        """The gap whose flow is nearest to the one wanted; None where none is near."""
         gaps, _, flow = views.profile(24, 0.3, _SAMPLE)
         flow_px = flow[gaps < len(self._images)] * self.camera.focal_px
         if not len(flow_px):
@@ -128,7 +128,7 @@ class DenseRelief:
         best = int(np.abs(flow_px - self.target_px).argmin())
         if not 0.5 * self.target_px <= flow_px[best] <= 2.0 * self.target_px:
             return None
-        return int(gaps[best]), float(flow_px[best])
+        return int(gaps[best])
 
     def _motion(self, views: Views, plane: Plane, gap: int) -> tuple[Array, Array] | None:
         """Displacement over height t (3,) from the newest to the older frame, and old_from_new (3, 3)."""
@@ -144,10 +144,17 @@ class DenseRelief:
             return None
         return found[0][0, :3], rotation @ exp_so3(found[0][0, 3:])
 
-    def _look(self, normal: Array, t: Array, old_from_new: Array, old: Image, flow_px: float) -> ViewRelief:
+    def look(
+        self, new: Image, old: Image, normal: Array, t: Array, old_from_new: Array, fresh: float = 1.0
+    ) -> ViewRelief:
+        """The relief in ``new`` (height, width) against ``old``, over a plane of the normal (3,) at distance one.
+
+        ``t`` (3,) is the displacement from the newest to the older frame over height, in the newest frame's axes, and
+        ``old_from_new`` (3, 3) the rotation.
+        """
         height, width = self._size
+        new = new[:height, :width]
         old_from_this = old_from_new @ towards(t, normal)
-        new = self._images[0][:height, :width]
         places = self._warp.places(old_from_this)[:height, :width]
         warped = cv2.remap(old, places, _NO_SECOND_MAP, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
         forth = self._flow.calc(new, warped, None)
@@ -173,8 +180,7 @@ class DenseRelief:
             np.where(usable, depth, math.nan),
             np.where(usable, std, math.nan),
             moving,
-            flow_px,
-            t,
+            fresh,
         )
 
     def _both_ways(self, flow: Array, back: Image) -> NDArray[np.bool_]:

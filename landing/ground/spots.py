@@ -29,7 +29,7 @@ _NEAR_M, _FAR_HAZARD_M = 0.5, 1.0
 """A metre of distance counts as much as half a metre of clearance; beyond a metre clearance does not matter."""
 
 
-class Code(StrEnum):
+class GroundCode(StrEnum):
     """Why a disc is not landable."""
 
     NO_METRES = "no_metres"
@@ -49,7 +49,7 @@ class Disc:
     """A disc of ground: ``verdict`` "landable", "hazard" or "unknown", why, and what was measured (NaN: nothing)."""
 
     verdict: str
-    reasons: tuple[Code, ...]
+    reasons: tuple[GroundCode, ...]
     inclination_deg: float = NAN
     inclination_std_deg: float = NAN
     step_m: float = NAN
@@ -71,7 +71,9 @@ class Spot:
 class Discs:
     """The discs about every cell of a map (rows, columns), worked out at once."""
 
-    def __init__(self, ground: GroundMap, options: GroundOptions, tilt_std_deg: float, scale_std: float) -> None:
+    def __init__(
+        self, ground: GroundMap, options: GroundOptions, tilt_std_deg: float, scale_std: float
+    ) -> None:
         """``tilt_std_deg``: error of level, one sigma; ``scale_std``: relative error of metres."""
         self.options, self._tilt_std_deg = options, tilt_std_deg
         self._metres = math.isfinite(scale_std) and scale_std <= options.max_scale_std
@@ -83,7 +85,9 @@ class Discs:
         known = ground.known
         shape = known.shape
         self.known = _sum(known.astype(np.float64), inside.astype(np.float64)) / inside.sum()
-        self.inclination_deg, self.step_m, self.least_step_m, self.std_m = (np.full(shape, NAN) for _ in range(4))
+        self.inclination_deg, self.step_m, self.least_step_m, self.std_m = (
+            np.full(shape, NAN) for _ in range(4)
+        )
         candidates = np.flatnonzero(self.known >= _LOOKED_AT)
         if len(candidates):
             self._fit(ground, known, candidates)
@@ -144,7 +148,7 @@ class Discs:
     def at(self, row: int, column: int) -> Disc:
         """The disc about a cell; unknown outside of the grid."""
         if not (0 <= row < CELLS and 0 <= column < CELLS):
-            return Disc(UNKNOWN, (Code.NOT_SEEN,))
+            return Disc(UNKNOWN, (GroundCode.NOT_SEEN,))
         o = self.options
         known, inclination = float(self.known[row, column]), float(self.inclination_deg[row, column])
         inclination_std = float(self.inclination_std_deg[row, column])
@@ -152,18 +156,20 @@ class Discs:
         doubt = o.sigmas * inclination_std
         reasons = []
         if not self._metres:
-            reasons.append(Code.NO_METRES)
+            reasons.append(GroundCode.NO_METRES)
         if not known >= o.min_known:
-            reasons.append(Code.NOT_SEEN)
+            reasons.append(GroundCode.NOT_SEEN)
         if inclination - doubt > o.max_inclination_deg:
-            reasons.append(Code.STEEP)
+            reasons.append(GroundCode.STEEP)
         elif not inclination + doubt <= o.max_inclination_deg:
-            reasons.append(Code.MAY_BE_STEEP)
+            reasons.append(GroundCode.MAY_BE_STEEP)
         if least_step > o.max_step_m:
-            reasons.append(Code.STEP)
+            reasons.append(GroundCode.STEP)
         elif not step <= o.max_step_m:
-            reasons.append(Code.MAY_BE_STEP)
-        hazard = self._metres and (Code.STEEP in reasons or Code.STEP in reasons)
+            reasons.append(GroundCode.MAY_BE_STEP)
+        if GroundCode.NOT_SEEN in reasons and not math.isfinite(inclination):
+            reasons = [code for code in reasons if code in (GroundCode.NO_METRES, GroundCode.NOT_SEEN)]
+        hazard = self._metres and (GroundCode.STEEP in reasons or GroundCode.STEP in reasons)
         verdict = HAZARD if hazard else UNKNOWN if reasons else LANDABLE
         return Disc(verdict, tuple(reasons), inclination, inclination_std, step, known)
 
@@ -215,7 +221,9 @@ class Discs:
 def worst(discs: list[Disc]) -> Disc:
     """The one that speaks most against landing; unknown when there is none."""
     order = {HAZARD: 0, UNKNOWN: 1, LANDABLE: 2}
-    return min(discs, key=lambda d: (order[d.verdict], d.known), default=Disc(UNKNOWN, (Code.NOT_SEEN,)))
+    return min(
+        discs, key=lambda d: (order[d.verdict], d.known), default=Disc(UNKNOWN, (GroundCode.NOT_SEEN,))
+    )
 
 
 def _sum(cells: Array, kernel: Array) -> Array:
