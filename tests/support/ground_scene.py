@@ -63,11 +63,9 @@ class Scene:
             top_north, top_east = position[0] + there * rays[:, 0], position[1] + there * rays[:, 1]
             on_ground, on_top = patch.holds(north, east), patch.holds(top_north, top_east)
             shown = self._grey(top_north - patch.north + 1.7, top_east - patch.east + 0.9, patch.smooth)
-            grey = np.where(on_ground, WALL, grey)
-            if patch.top > 0:
-                grey = np.where(on_top, shown, grey)
-            else:
-                grey = np.where(on_ground & on_top, shown, grey)
+            # a pit's bottom shows within its rim only
+            seen = on_top if patch.top > 0 else on_top & on_ground
+            grey = np.where(seen, shown, np.where(on_ground, WALL, grey))
         rng = np.random.default_rng((self.seed, frame))
         noisy = grey + rng.normal(0, self.noise, grey.shape)
         return np.clip(np.rint(noisy), 0, 255).astype(np.uint8).reshape(camera.height, camera.width)
@@ -75,9 +73,16 @@ class Scene:
     def _grey(self, north: Array, east: Array, smooth: bool) -> Array:
         if smooth:
             return np.full(north.shape, 120.0)
-        x, y = ((part * TEXELS_A_METRE).astype(np.float32).reshape(-1, 160) for part in (east + 4, north + 4))
-        found = cv2.remap(self.texture.astype(np.float32), x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
-        return np.asarray(found, np.float64).ravel()
+        # by hand: OpenCV's own interpolation rounds its places
+        size = len(self.texture)
+        row, column = (north + 4) * TEXELS_A_METRE, (east + 4) * TEXELS_A_METRE
+        i, j = np.floor(row).astype(int), np.floor(column).astype(int)
+        y, x = row - i, column - j
+        t = self.texture
+        i, j, below, right = i % size, j % size, (i + 1) % size, (j + 1) % size
+        upper = t[i, j] * (1 - x) + t[i, right] * x
+        lower = t[below, j] * (1 - x) + t[below, right] * x
+        return np.asarray(upper * (1 - y) + lower * y)
 
 
 def flown(
