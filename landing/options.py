@@ -252,7 +252,7 @@ class GroundOptions:
     sigmas: Annotated[
         float, Limits(0, 6, "", "standard deviations added to what is measured before it is compared")
     ] = 2.0
-    min_known: Annotated[float, Limits(0.5, 1, "", "smallest known share of a disc")] = 0.95
+    min_known: Annotated[float, Limits(0.5, 1, "", "smallest known share of a disc")] = 0.9
     min_looks: Annotated[
         float, Limits(0.1, 10, "", "independent looks, in baselines, from which a cell counts as known")
     ] = 0.7

@@ -84,6 +84,9 @@ class Discs:
         self._reach, self._x, self._y, self._inside = reach, x, y, inside
         known = ground.known
         shape = known.shape
+        # what is not seen over two cells a side could hide a step
+        unseen = cv2.morphologyEx((~known).astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
+        self.hidden = _sum(unseen.astype(np.float64), inside.astype(np.float64)) > 0.5
         self.known = _sum(known.astype(np.float64), inside.astype(np.float64)) / inside.sum()
         self.inclination_deg, self.step_m, self.least_step_m, self.std_m = (
             np.full(shape, NAN) for _ in range(4)
@@ -141,6 +144,7 @@ class Discs:
         return np.asarray(
             self._metres
             & (self.known >= o.min_known)
+            & ~self.hidden
             & (steepest <= o.max_inclination_deg)
             & (self.step_m <= o.max_step_m)
         )
@@ -157,7 +161,7 @@ class Discs:
         reasons = []
         if not self._metres:
             reasons.append(GroundCode.NO_METRES)
-        if not known >= o.min_known:
+        if not known >= o.min_known or self.hidden[row, column]:
             reasons.append(GroundCode.NOT_SEEN)
         if inclination - doubt > o.max_inclination_deg:
             reasons.append(GroundCode.STEEP)

@@ -86,13 +86,26 @@ def test_a_step_outside_of_the_disc_does_not_count() -> None:
     assert middle(ground).verdict == LANDABLE
 
 
-@pytest.mark.parametrize(("side", "verdict"), [(0, LANDABLE), (1, LANDABLE), (3, UNKNOWN), (6, UNKNOWN)])
+@pytest.mark.parametrize(("side", "verdict"), [(0, LANDABLE), (1, LANDABLE), (2, UNKNOWN), (6, UNKNOWN)])
 def test_a_hole_in_what_is_known(side: int, verdict: str) -> None:
     ground = measured()
     ground.looks[MIDDLE : MIDDLE + side, MIDDLE : MIDDLE + side] = 0.0
     disc = middle(ground)
     assert disc.verdict == verdict
     assert disc.reasons == (() if verdict == LANDABLE else (GroundCode.NOT_SEEN,))
+
+
+@pytest.mark.parametrize(("rows", "verdict"), [(1, LANDABLE), (2, UNKNOWN)])
+def test_a_gap_in_what_is_known_counts_by_its_width(rows: int, verdict: str) -> None:
+    ground = measured()
+    ground.looks[MIDDLE + 3 : MIDDLE + 3 + rows] = 0.0
+    assert middle(ground).verdict == verdict
+
+
+def test_many_small_gaps_are_too_many() -> None:
+    ground = measured()
+    ground.looks[MIDDLE - 5 : MIDDLE + 6 : 3, MIDDLE - 5 : MIDDLE + 6 : 3] = 0.0
+    assert middle(ground).reasons == (GroundCode.NOT_SEEN,)
 
 
 def test_a_hazard_is_one_though_part_of_the_disc_is_not_seen() -> None:
