@@ -16,7 +16,8 @@ ENDINGS = {
     "ground": ".ground.jsonl",
     "events": ".events.jsonl",
     "plot": ".png",
-    "video": ".mp4",
+    "video": ".webm",
+    "report": ".html",
 }
 
 
@@ -29,12 +30,15 @@ class Outputs:
     events: Path | None = None
     plot: Path | None = None
     video: Path | None = None
+    report: Path | None = None
 
     @property
     def paths(self) -> list[Path]:
         """Those that are wanted."""
         return [
-            path for path in (self.out, self.ground, self.events, self.plot, self.video) if path is not None
+            path
+            for path in (self.out, self.ground, self.events, self.plot, self.video, self.report)
+            if path is not None
         ]
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from landing.estimate import SurfaceEstimate
-from landing.ground.map import CELL_M, GroundMap
+from landing.ground.map import CELL_M, CELLS, GroundMap
 from landing.ground.relief import DenseRelief
 from landing.ground.scale import Scale, along_normal
 from landing.ground.spots import UNKNOWN, Disc, Discs, GroundCode, Spot
@@ -23,6 +23,7 @@ _STEP_M = 0.1
 """Places of the way to the stopping point are so far apart."""
 _DISPUTED = 0.5
 """Share of the recent looks that differ from which a cell is shown as disputed."""
+_NO_STOP = Disc(UNKNOWN, (GroundCode.NO_STOPPING_POINT,))
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,13 +102,12 @@ class Ground:
         discs = self._discs()
         north, east, up = self.map.place.tolist()
         below = discs.at(*self.map.cell_of(north, east))
-        stop = self._stopping_point()
-        if stop is None:
-            touchdown, stop = Disc(UNKNOWN, (GroundCode.NO_STOPPING_POINT,)), (math.nan, math.nan)
+        way = self._way()
+        if way is None:
+            touchdown, stop = _NO_STOP, (math.nan, math.nan)
         else:
-            count = max(2, math.ceil(math.hypot(*stop) / _STEP_M) + 1)
-            way = np.linspace((north, east), (north + stop[0], east + stop[1]), count)
             touchdown = discs.along(self.map, way)
+            stop = float(way[-1, 0] - north), float(way[-1, 1] - east)
         return GroundReport(
             frame,
             self._last_s,
@@ -136,8 +136,26 @@ class Ground:
             state,
         )
 
-    def _discs(self) -> Discs:
-        return Discs(self.map, self.options, self._tilt_std_deg, self.scale.relative_std)
+    def touchdown(self) -> Disc:
+        """The worst disc from straight below to the stopping point, at the newest frame."""
+        way = self._way()
+        if way is None:
+            return _NO_STOP
+        cells = [row * CELLS + column for row, column in (self.map.cell_of(*place) for place in way.tolist())]
+        inside = np.unique([cell for cell in cells if 0 <= cell < CELLS * CELLS]).astype(np.intp)
+        return self._discs(inside).along(self.map, way)
+
+    def _discs(self, cells: NDArray[np.intp] | None = None) -> Discs:
+        return Discs(self.map, self.options, self._tilt_std_deg, self.scale.relative_std, cells)
+
+    def _way(self) -> Array | None:
+        """Places (n, 2) from the vehicle to its stopping point, in the map's axes; None without a velocity."""
+        stop = self._stopping_point()
+        if stop is None:
+            return None
+        north, east = self.map.place[:2].tolist()
+        count = max(2, math.ceil(math.hypot(*stop) / _STEP_M) + 1)
+        return np.linspace((north, east), (north + stop[0], east + stop[1]), count)
 
     def _stopping_point(self) -> tuple[float, float] | None:
         """Where ArduCopter's LAND stops, north and east of the vehicle, m; None without a velocity."""

@@ -8,6 +8,7 @@ hazard when one is sure to be beyond, and unknown else.
 import math
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
 import cv2
 import numpy as np
@@ -69,66 +70,81 @@ class Spot:
 
 
 class Discs:
-    """The discs about every cell of a map (rows, columns), worked out at once."""
+    """The discs about cells of a map: ``known``, ``inclination_deg``, ``step_m``, ... (rows, columns)."""
 
     def __init__(
-        self, ground: GroundMap, options: GroundOptions, tilt_std_deg: float, scale_std: float
+        self,
+        ground: GroundMap,
+        options: GroundOptions,
+        tilt_std_deg: float,
+        scale_std: float,
+        cells: NDArray[np.intp] | None = None,
     ) -> None:
-        """``tilt_std_deg``: error of level, one sigma; ``scale_std``: relative error of metres."""
+        """``tilt_std_deg``: error of level, one sigma; ``scale_std``: relative error of metres.
+
+        ``cells`` (n,) are flat indices; without them every disc is worked out of which enough is known.
+        """
         self.options, self._tilt_std_deg = options, tilt_std_deg
         self._metres = math.isfinite(scale_std) and scale_std <= options.max_scale_std
         reach = math.floor(options.landing_radius_m / CELL_M + 0.5)
-        offset = np.arange(-reach, reach + 1) * CELL_M
-        x, y = np.meshgrid(offset, offset, indexing="ij")
-        inside = np.hypot(x, y) <= options.landing_radius_m + CELL_M / 2
-        self._reach, self._x, self._y, self._inside = reach, x, y, inside
+        offset = np.arange(-reach, reach + 1)
+        down, across = np.meshgrid(offset, offset, indexing="ij")
+        inside = np.hypot(down, across) * CELL_M <= options.landing_radius_m + CELL_M / 2
+        self._down, self._across = down[inside], across[inside]
         known = ground.known
         shape = known.shape
         # what is not seen over two cells a side could hide a step
-        unseen = cv2.morphologyEx((~known).astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
-        self.hidden = _sum(unseen.astype(np.float64), inside.astype(np.float64)) > 0.5
-        self.known = _sum(known.astype(np.float64), inside.astype(np.float64)) / inside.sum()
+        gaps = cv2.morphologyEx((~known).astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
+        self.known, self.hidden = np.zeros(shape), np.ones(shape, bool)
         self.inclination_deg, self.step_m, self.least_step_m, self.std_m = (
             np.full(shape, NAN) for _ in range(4)
         )
-        candidates = np.flatnonzero(self.known >= _LOOKED_AT)
-        if len(candidates):
-            self._fit(ground, known, candidates)
+        if cells is None:
+            seen = cv2.filter2D(
+                known.astype(np.float32), -1, inside.astype(np.float32), borderType=cv2.BORDER_CONSTANT
+            )
+            cells = np.flatnonzero(seen >= _LOOKED_AT * len(self._down))
+        if len(cells):
+            self._fit(ground, known, gaps, cells)
 
-    def _fit(self, ground: GroundMap, known: Mask, candidates: NDArray[np.intp]) -> None:
-        x, y, inside = self._x, self._y, self._inside.astype(np.float64)
-        level = float(ground.height[known].mean())
-        mask = known.astype(np.float64)
-        height = np.where(known, ground.height - level, 0.0)
-        variance = np.where(known, ground.variance, 0.0)
-        n, sx, sy, sxx, sxy, syy = (
-            _sum(mask, k * inside).ravel()[candidates] for k in (x * 0 + 1, x, y, x * x, x * y, y * y)
-        )
-        z, zx, zy = (_sum(height, k * inside).ravel()[candidates] for k in (x * 0 + 1, x, y))
-        mx, my, mz = sx / n, sy / n, z / n
-        cxx, cxy, cyy = sxx - n * mx * mx, sxy - n * mx * my, syy - n * my * my
-        bx, by = zx - mx * z, zy - my * z
+    def _fit(self, ground: GroundMap, known: Mask, gaps: NDArray[Any], cells: NDArray[np.intp]) -> None:
+        """Least-squares planes of discs; heights count from that of each disc's middle of what is known."""
+        row, column = (part[:, None] for part in np.divmod(cells, CELLS))
+        r, c = row + self._down, column + self._across
+        within = (r >= 0) & (r < CELLS) & (c >= 0) & (c < CELLS)
+        at = np.where(within, r * CELLS + c, 0)
+        there = within & known.ravel()[at]
+        share = there.mean(axis=1)
+        self.known.ravel()[cells] = share
+        self.hidden.ravel()[cells] = (within & (gaps.ravel()[at] > 0)).any(axis=1)
+        some = share >= _LOOKED_AT
+        if not some.any():
+            return
+        cells, there, at = cells[some], there[some], at[some]
+        weight = there.astype(np.float64)
+        count = weight.sum(axis=1)
+        height = np.where(there, ground.height.ravel()[at], 0.0)
+        height -= (height.sum(axis=1) / count)[:, None]
+        height *= weight
+        variance = np.where(there, ground.variance.ravel()[at], 0.0)
+        x, y = self._down * CELL_M, self._across * CELL_M
+        mx, my = weight @ x / count, weight @ y / count
+        cxx = weight @ (x * x) - count * mx * mx
+        cxy = weight @ (x * y) - count * mx * my
+        cyy = weight @ (y * y) - count * my * my
+        # the heights' mean is nothing
+        bx, by = height @ x, height @ y
         determinant = np.maximum(cxx * cyy - cxy * cxy, 1e-12)
         north = (cyy * bx - cxy * by) / determinant
         east = (cxx * by - cxy * bx) / determinant
-        middle = mz - north * mx - east * my
-        std = np.sqrt(_sum(variance, inside).ravel()[candidates] / n)
-        sigma = np.sqrt(np.where(known, ground.variance, 0.0))
-        most, least = np.zeros(len(candidates)), np.zeros(len(candidates))
-        row, column = np.divmod(candidates, CELLS)
-        for i, j in zip(*self._inside.nonzero(), strict=True):
-            r, c = row + (i - self._reach), column + (j - self._reach)
-            within = (r >= 0) & (r < CELLS) & (c >= 0) & (c < CELLS)
-            at = np.where(within, r * CELLS + c, 0)
-            off = np.abs(height.ravel()[at] - middle - north * x[i, j] - east * y[i, j])
-            there = within & known.ravel()[at]
-            np.maximum(most, np.where(there, off, 0.0), out=most)
-            doubt = self.options.sigmas * sigma.ravel()[at]
-            np.maximum(least, np.where(there, off - doubt, 0.0), out=least)
-        self.inclination_deg.ravel()[candidates] = np.degrees(np.arctan(np.hypot(north, east)))
-        self.step_m.ravel()[candidates] = most
-        self.least_step_m.ravel()[candidates] = least
-        self.std_m.ravel()[candidates] = std
+        off = height - (north[:, None] * (x - mx[:, None]) + east[:, None] * (y - my[:, None]))
+        np.abs(off, out=off)
+        off *= weight
+        sure = off - self.options.sigmas * np.sqrt(variance)
+        self.inclination_deg.ravel()[cells] = np.degrees(np.arctan(np.hypot(north, east)))
+        self.step_m.ravel()[cells] = off.max(axis=1)
+        self.least_step_m.ravel()[cells] = sure.max(axis=1)
+        self.std_m.ravel()[cells] = np.sqrt(variance.sum(axis=1) / count)
 
     @property
     def inclination_std_deg(self) -> Array:
@@ -228,8 +244,3 @@ def worst(discs: list[Disc]) -> Disc:
     return min(
         discs, key=lambda d: (order[d.verdict], d.known), default=Disc(UNKNOWN, (GroundCode.NOT_SEEN,))
     )
-
-
-def _sum(cells: Array, kernel: Array) -> Array:
-    """Sums (rows, columns) over a kernel about every cell; nothing lies outside of the grid."""
-    return np.asarray(cv2.filter2D(cells, cv2.CV_64F, kernel, borderType=cv2.BORDER_CONSTANT))
