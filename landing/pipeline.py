@@ -27,8 +27,12 @@ from landing.plane.time_offset import TimeOffsetFilter
 from landing.rotations import euler_from_matrix
 from landing.vision.camera import CameraModel
 from landing.vision.homography import towards
+from landing.vision.rolling_shutter import Motion
 
 Array = NDArray[np.float64]
+
+_SLOW = 0.2
+"""Velocity, m/s, below which its ratio to the ventral flow is not used."""
 
 
 class Estimator(Protocol):
@@ -64,7 +68,7 @@ class SurfacePipeline:
         self.time_offset = TimeOffsetFilter(
             e.time_offset_std_s, e.time_offset_drift, e.attitude_error_std_rad
         )
-        self._motion: tuple[Array, Array] | None = None
+        self._motion: Motion | None = None
         self._stood_out = False
         self._last_s = -math.inf
 
@@ -81,14 +85,17 @@ class SurfacePipeline:
                 f"frame {observation.frame} is at {observation.time_s:.6f} s, not after {self._last_s:.6f} s"
             )
         prediction = self._prediction(observation)
-        self.views.step(observation, None if prediction is None else prediction[0])
+        self.views.step(
+            observation, None if prediction is None else prediction[0], self._expected(observation)
+        )
         self.relief.memory.move(*(prediction or (None, None)))
         self._last_s = observation.time_s
         plane = self.estimator.step(self.views)
         self.time_offset.step(self.views, plane)
         self._motion = None
         if plane.status == "ok" and math.isfinite(plane.divergence):
-            self._motion = plane.omega, plane.normal
+            self._motion = Motion(plane.omega, plane.normal)
+            self.views.rows.saw(self._motion)
         return self._estimate(observation, plane)
 
     def _prediction(self, observation: Observation) -> tuple[Array, Array] | None:
@@ -99,10 +106,28 @@ class SurfacePipeline:
         if last.ned_from_camera is None:
             return None
         new_from_last = (observation.ned_from_body @ self.camera.body_from_camera).T @ last.ned_from_camera
-        omega, normal = self._motion
+        omega, normal = self._motion.omega, self._motion.normal
         way = omega * (observation.time_s - last.time_s)
         moved = towards(way.tolist(), normal.tolist())
         return new_from_last @ moved, new_from_last
+
+    def _expected(self, observation: Observation) -> Motion | None:
+        """The last motion over the plane in the axes of this exposure, with what the vehicle changed since."""
+        last = self._motion
+        if last is None or self.views.tracker.frame < 0:
+            return None
+        newest = self.views.newest
+        if observation.ned_from_body is None or newest.ned_from_camera is None:
+            return last
+        ned_from_camera = observation.ned_from_body @ self.camera.body_from_camera
+        last_from_new = newest.ned_from_camera.T @ ned_from_camera
+        omega, normal = last.omega @ last_from_new, last.normal @ last_from_new
+        if observation.velocity_ned is not None and newest.velocity_ned is not None:
+            before, now = newest.velocity_ned @ ned_from_camera, observation.velocity_ned @ ned_from_camera
+            square = float(before @ before)
+            per_metre = float(omega @ before) / square if square > _SLOW**2 else 0.0
+            omega = omega + max(per_metre, 0.0) * (now - before)
+        return Motion(omega, normal)
 
     def _estimate(self, observation: Observation, plane: Plane) -> SurfaceEstimate:
         o = self.options.estimator

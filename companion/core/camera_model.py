@@ -37,9 +37,11 @@ def camera_model(
                 f"{width} x {height}: calibrate at this size, or set the camera to the other"
             )
         matrix = np.array(info.matrix, np.float64).reshape(3, 3)
-        return CameraModel(width, height, matrix, np.array(info.distortion, np.float64), mount), True
+        return CameraModel(
+            width, height, matrix, np.array(info.distortion, np.float64), mount, camera.readout_s
+        ), True
     calibrated = fov_deg is not None or focal_px is not None
     if focal_px is None:
         across = camera.assumed_fov_deg if fov_deg is None else fov_deg
         focal_px = width / 2 / math.tan(math.radians(across) / 2)
-    return CameraModel.from_focal(width, height, focal_px, mount), calibrated
+    return CameraModel.from_focal(width, height, focal_px, mount, camera.readout_s), calibrated

@@ -95,7 +95,9 @@ def _toml(settings: Settings) -> str:
         if head != section:
             lines += ["", f"[{head}]"]
             section = head
-        lines.append(f"{name} = {written(value_of(settings, entry.path))}")
+        value = value_of(settings, entry.path)
+        if value is not None:
+            lines.append(f"{name} = {written(value)}")
     return "\n".join(lines) + "\n"
 
 

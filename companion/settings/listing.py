@@ -29,7 +29,8 @@ def in_force(loaded: LoadedSettings) -> Iterator[str]:
         if (head := entry.path.rpartition(".")[0]) != section:
             yield f"{'' if not section else chr(10)}[{head}]"
             section = head
-        value = f"{entry.path.rpartition('.')[2]} = {written(value_of(loaded.settings, entry.path))}"
+        name, known = entry.path.rpartition(".")[2], value_of(loaded.settings, entry.path)
+        value = f"# {name} is not set" if known is None else f"{name} = {written(known)}"
         origin = loaded.origins[entry.path]
         remarks = [entry.unit, entry.meaning, origin if origin == DEFAULT else f"from {origin}"]
         yield f"{value:<36}  # {'; '.join(filter(None, remarks))}"

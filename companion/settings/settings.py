@@ -34,6 +34,15 @@ class CameraSettings:
         float, Limits(10, 150, "deg", "field of view across the image assumed without a calibration")
     ] = 60.0
     time_offset_s: Annotated[float, Limits(-0.5, 0.5, "s", "how late the frames' time stamps are")] = 0.0
+    readout_s: Annotated[
+        float | None,
+        Limits(
+            -0.1,
+            0.1,
+            "s",
+            "rolling shutter, first row to last; 0: global, negative: upwards; not set: found along the way",
+        ),
+    ] = None
     width: Annotated[int, Limits(0, 4096, "px", "width asked of the camera; 0 takes its own")] = 0
     height: Annotated[int, Limits(0, 4096, "px", "height asked of the camera; 0 takes its own")] = 0
     rate_hz: Annotated[float, Limits(0, 240, "Hz", "rate asked of the camera; 0 takes its own")] = 0.0
