@@ -31,6 +31,8 @@ from landing.vision.rolling_shutter import Motion
 
 Array = NDArray[np.float64]
 
+_READOUT_STEP_S = 0.0005
+"""Change of what is known of the rows' readout at which the tracks are moved."""
 _SLOW = 0.2
 """Velocity, m/s, below which its ratio to the ventral flow is not used."""
 
@@ -41,6 +43,9 @@ class Estimator(Protocol):
     def step(self, views: Views) -> Plane:
         """The plane at the newest view."""
         ...
+
+    def read_out(self, change_s: float) -> None:
+        """The rows' readout is known to be longer by so much: all views' tracks have been moved."""
 
 
 ESTIMATORS: dict[str, Callable[[EstimatorOptions, float, int], Estimator]] = {
@@ -66,7 +71,11 @@ class SurfacePipeline:
         self.unlike = Unlike(options.estimator, camera)
         e = options.estimator
         self.time_offset = TimeOffsetFilter(
-            e.time_offset_std_s, e.time_offset_drift, e.attitude_error_std_rad
+            e.time_offset_std_s,
+            e.time_offset_drift,
+            e.attitude_error_std_rad,
+            self.views.rows.readout_s,
+            self.views.rows.std_s,
         )
         self._motion: Motion | None = None
         self._stood_out = False
@@ -92,11 +101,23 @@ class SurfacePipeline:
         self._last_s = observation.time_s
         plane = self.estimator.step(self.views)
         self.time_offset.step(self.views, plane)
+        self._apply_readout()
         self._motion = None
         if plane.status == "ok" and math.isfinite(plane.divergence):
             self._motion = Motion(plane.omega, plane.normal)
             self.views.rows.saw(self._motion)
         return self._estimate(observation, plane)
+
+    def _apply_readout(self) -> None:
+        """Take what has been found of the rows' readout, where it is not set."""
+        rows, found = self.views.rows, self.time_offset
+        if rows.known:
+            return
+        rows.std_s = found.readout_std_s
+        change_s = found.readout_s - rows.readout_s
+        if abs(change_s) > _READOUT_STEP_S:
+            self.views.read_out(found.readout_s)
+            self.estimator.read_out(change_s)
 
     def _prediction(self, observation: Observation) -> tuple[Array, Array] | None:
         """This frame's normalised points from the last's: homographies of the last plane and of what is far away."""

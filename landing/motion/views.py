@@ -43,7 +43,8 @@ class View:
 class Baseline:
     """Two exposures and the tracks common to both.
 
-    ``old_from_new`` (3, 3) is the measured rotation, or the identity when ``derotated`` is false.
+    ``old_from_new`` (3, 3) is the measured rotation, or the identity when ``derotated`` is false. ``moves``: how the
+    new and the old points (n, 2) move per second of a readout that is not set.
     """
 
     gap: int
@@ -52,6 +53,7 @@ class Baseline:
     old_from_new: Array
     derotated: bool
     rotation_std_rad: float
+    moves: tuple[Array, Array] | None = None
 
     @property
     def derotated_old(self) -> Array:
@@ -140,6 +142,12 @@ class Views:
             turned = view.ned_from_camera @ exp_so3(view.turn_rate * (view.late_s - late_s))
             self._views[k] = replace(view, ned_from_camera=turned, late_s=late_s)
             self._turn(self.tracker.frame - len(self._views) + k, turned)
+
+    def read_out(self, readout_s: float) -> None:
+        """Take another readout of the rows: all tracks of earlier frames move."""
+        self.rows.read_out(readout_s)
+        for k, view in enumerate(self._views[:-1]):
+            self._turn(self.tracker.frame - len(self._views) + 1 + k, view.ned_from_camera)
 
     def reset(self) -> None:
         """Forget everything: the next frame starts anew."""
@@ -275,6 +283,9 @@ class Views:
             rotation,
             measured is not None,
             self.baseline_std(gap),
+            None
+            if self.rows.known
+            else (self.rows.moves(0, tracks.slots), self.rows.moves(gap, tracks.slots)),
         )
 
 
