@@ -93,7 +93,8 @@ class MapEstimator:
         if fit is None or fit.sensitivity is None or attitude is None:
             return None
         effect, covariance = fit.sensitivity, fit.covariance[3:5, 3:5]
-        difference, before, before_gradient = np.zeros(2), np.zeros((2, 2)), np.zeros(2)
+        difference, before_gradient = np.zeros((2, 2))
+        before: Array = np.zeros((2, 2))
         known = self.evidence.expected(views.newest.time_s, attitude)
         if known is not None:
             slopes, fused, old_gradient = known

@@ -30,6 +30,8 @@ _FARTHEST = 10.0
 
 _LONGEST_S = 0.1
 """No readout is longer."""
+_ALIKE = 4.0
+"""Overlaps of baselines whose errors are alike, by attitudes and by the ground: they tell rows as one does."""
 _SLOPE, _TURN = slice(3, 5), slice(5, 8)
 """Where a fit's parameters are the slopes, and the rotation's error."""
 
@@ -151,6 +153,8 @@ class TimeOffsetFilter:
         sigmas = math.sqrt(max(float(surprise @ self._of(information, surprise)), 0.0))
         # baselines that overlap say the same again
         share = min(1.0, _ORDINARY / max(sigmas, 1e-9)) / gap
+        if information[1, 1] > 0:
+            share /= _ALIKE
         self._covariance = np.linalg.solve(
             np.eye(2) + self._covariance @ (share * information), self._covariance
         )
