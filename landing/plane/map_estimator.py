@@ -100,10 +100,11 @@ class MapEstimator:
             slopes, fused, old_gradient = known
             apart = np.array((fit.a, fit.b)) - slopes
             changes = (fit.covariance @ effect.gradient)[3:5] - old_gradient
-            old: Array = fused + np.eye(2) * _UNEVEN**2
+            old: Array = np.asarray(fused + np.eye(2) * _UNEVEN**2, np.float64)
             spread = covariance + old + np.outer(changes, changes) * views.rows.std_s**2
             if float(apart @ np.linalg.solve(spread, apart)) <= self.options.agreement:
-                difference, before, before_gradient = apart, np.linalg.inv(old), old_gradient
+                difference, before_gradient = apart, old_gradient
+                before = np.asarray(np.linalg.inv(old), np.float64)
         x = np.concatenate((fit.t, (fit.a, fit.b), fit.d))
         return RowsError(
             x,
