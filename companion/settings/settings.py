@@ -23,6 +23,15 @@ class CameraSettings:
         float, Limits(10, 150, "deg", "field of view across the image assumed without a calibration")
     ] = 60.0
     time_offset_s: Annotated[float, Limits(-0.5, 0.5, "s", "delay of the frames' time stamps")] = 0.0
+    readout_s: Annotated[
+        float | Literal["unknown"],
+        Limits(
+            -0.1,
+            0.1,
+            "s",
+            "rolling shutter, first row to last; 0: global shutter, negative: last row first; unknown: estimated",
+        ),
+    ] = "unknown"
     width: Annotated[int, Limits(0, 4096, "px", "requested image width; 0: the camera's default")] = 0
     height: Annotated[int, Limits(0, 4096, "px", "requested image height; 0: the camera's default")] = 0
     rate_hz: Annotated[float, Limits(0, 240, "Hz", "requested frame rate; 0: the camera's default")] = 0.0
