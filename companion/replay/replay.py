@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Protocol
 import cv2
 
 from companion.core.core import Core, LandRequest, Output, Processed
+from companion.core.enable import EnableSwitch
+from companion.errors import LandslopeError
 from companion.messages.messages import Decision, Message, topic_of
 from companion.replay.history import History
 from companion.replay.output import LineFile, Outputs
@@ -65,6 +67,7 @@ class ReplayJob:
     publish: bool = False
     realtime: bool = False
     enable_after_s: float | None = None
+    enable_from_rc: bool = False
     connect: str | None = None
 
 
@@ -79,7 +82,7 @@ def replay(job: ReplayJob, progress: Progress = lambda done, total: None) -> str
     with ExitStack() as stack:
         run = _Run(job, source, stack, progress)
         damage = run.all()
-        text = summary(job.name, run.history, source.settings.decision, run.pace)
+        text = summary(job.name, run.history, source.settings.decision, run.pace, source.cautions)
     if job.outputs.plot is not None:
         from companion.replay.plot import plot
 
@@ -102,6 +105,7 @@ class _Run:
         self._core = Core(
             source.settings, source.camera, calibrated=source.calibrated, telemetry=source.telemetry
         )
+        self._switch = _switch(job, source)
         outputs = job.outputs
         self._out = LineFile(outputs.out) if outputs.out else None
         self._events = LineFile(outputs.events) if outputs.events else None
@@ -137,6 +141,8 @@ class _Run:
         after_s = self._job.enable_after_s
         if after_s is not None and self.history.now_s >= after_s:
             self._core.set_enabled(True)
+        if self._switch is not None:
+            self._core.set_enabled(self._switch.feed(sample))
         if not (self._autopilot and self._autopilot.replaces(sample)):
             self._take(self._core.feed(sample))
         self._take_answers()
@@ -182,6 +188,19 @@ class _Run:
         while self._autopilot and self._autopilot.busy:
             time.sleep(FOLLOW_POLL_S)
             self._take_answers()
+
+
+def _switch(job: ReplayJob, source: ReplaySource) -> EnableSwitch | None:
+    """The pilot's switch as it was recorded; LandslopeError where the settings name none."""
+    if not job.enable_from_rc:
+        return None
+    switch = EnableSwitch(source.settings.landing)
+    if not switch.has_switch:
+        raise LandslopeError(
+            "--enable-from-rc: the settings name no switch; --set landing.enable_rc_channel=CHANNEL, or "
+            "landing.enable_modes"
+        )
+    return switch
 
 
 def _published(

@@ -37,6 +37,8 @@ class VideoFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        if not is_text(path):
+            raise DriverError(f"{str(path)!a}: its name is not UTF-8, which OpenCV cannot open; rename it")
         if not path.is_file():
             raise DriverError(f"{path}: there is no such video file; check the path")
         if path.stat().st_size == 0:
@@ -125,7 +127,7 @@ class ImageFolder:
             stamp_us = start_us + round(index * period_us)
             image = _read_grey(file)
             if image is None:
-                yield Refusal(stamp_us, "camera", "undecodable_image", str(file))
+                yield Refusal(stamp_us, "camera", "undecodable_image", ascii(str(file))[1:-1])
             elif image.shape != (self.height, self.width):
                 detail = f"{file}: {image.shape[1]} x {image.shape[0]}, not {self.width} x {self.height}"
                 yield Refusal(stamp_us, "camera", "image_size", detail)
@@ -140,7 +142,14 @@ def open_pictures(path: Path) -> VideoFile | ImageFolder:
     return ImageFolder(path) if path.is_dir() else VideoFile(path)
 
 
+def is_text(path: Path) -> bool:
+    """Whether a path is valid UTF-8; OpenCV ends the process on one that is not."""
+    return not any("\ud800" <= letter <= "\udfff" for letter in str(path))
+
+
 def _read_grey(file: Path) -> Image | None:
+    if not is_text(file):
+        return None
     image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
     return None if image is None else np.asarray(image, np.uint8)
 

@@ -53,9 +53,10 @@ def test_a_recording_is_a_flight_that_is_read_back_whole(tmp_path):
     packets = [record for record in records(data) if record.message_id != GARBAGE]
     for record in packets:
         recorder.mavlink(record.stamp_us, data[record.start + 8 : record.end])
+    start_us = packets[0].stamp_us
     numbers = [k + (k > 20) for k in range(60)]  # frame 21 was skipped
     for k, number in enumerate(numbers):
-        stamp_us = START_US + number * STEP_US
+        stamp_us = start_us + number * STEP_US
         recorder.frame(Frame(number, stamp_us, stamp_us + 9000, textured(number)))
         recorder.message("estimate", json.dumps({"frame": number}).encode())
         recorder.message("preview", b"not recorded")
@@ -68,7 +69,7 @@ def test_a_recording_is_a_flight_that_is_read_back_whole(tmp_path):
     samples = list(flight.samples())
     frames = [s for s in samples if isinstance(s, Frame)]
     assert not [s for s in samples if isinstance(s, Refusal)]
-    assert [f.stamp_us for f in frames] == [START_US + number * STEP_US for number in numbers]
+    assert [f.stamp_us for f in frames] == [start_us + number * STEP_US for number in numbers]
     errors = [np.abs(f.image.astype(int) - textured(n)).mean() for f, n in zip(frames, numbers, strict=True)]
     assert max(errors) < 2.0
     assert sum(isinstance(s, Attitude) for s in samples) > 10
