@@ -135,6 +135,17 @@ class ImageFolder:
                 yield Frame(index, stamp_us, stamp_us, image)
 
 
+def named_images(path: Path) -> Iterator[tuple[str, Image | None]]:
+    """Name and grey image, of any size, of each picture of a video, a recorded flight or a folder of images."""
+    if path.is_dir() and not (path / "camera.mkv").is_file():
+        for file in ImageFolder(path).files:
+            yield ascii(file.name)[1:-1], _read_grey(file)
+        return
+    source = VideoFile(path / "camera.mkv" if path.is_dir() else path)
+    for number, image in source.images():
+        yield f"frame {number}", image
+
+
 def open_pictures(path: Path) -> VideoFile | ImageFolder:
     """A video file or a folder of images, whichever the path is."""
     if not path.exists():
@@ -150,7 +161,8 @@ def is_text(path: Path) -> bool:
 def _read_grey(file: Path) -> Image | None:
     if not is_text(file):
         return None
-    image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
+    # as the sensor gave it: turned by a camera's orientation tag it would be the picture of another camera
+    image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
     return None if image is None else np.asarray(image, np.uint8)
 
 
