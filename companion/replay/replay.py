@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Protocol
 import cv2
 
 from companion.core.core import Core, LandRequest, Output, Processed
-from companion.core.enable import EnableSwitch
 from companion.errors import LandslopeError
 from companion.messages.messages import Decision, Message, topic_of
 from companion.replay.history import History
 from companion.replay.output import LineFile, Outputs
 from companion.replay.overlay import OverlayWriter
+from companion.replay.report.page import write_report
+from companion.replay.report.recorder import ReportRecorder
 from companion.replay.source import PlainCamera, ReplaySource, open_source
 from companion.replay.summary import Pace, summary
 from drivers.errors import DriverError
@@ -83,6 +84,8 @@ def replay(job: ReplayJob, progress: Progress = lambda done, total: None) -> str
         run = _Run(job, source, stack, progress)
         damage = run.all()
         text = summary(job.name, run.history, source.settings.decision, run.pace, source.cautions)
+        if run.report is not None and job.outputs.report is not None:
+            write_report(job.name, run.history, source.settings, run.report, job.outputs.report)
     if job.outputs.plot is not None:
         from companion.replay.plot import plot
 
@@ -102,15 +105,21 @@ class _Run:
         self._progress = progress
         self._frames = 0
         self._last_decision: Decision | None = None
+        if job.enable_from_rc:
+            _check_switch(source)
         self._core = Core(
-            source.settings, source.camera, calibrated=source.calibrated, telemetry=source.telemetry
+            source.settings,
+            source.camera,
+            calibrated=source.calibrated,
+            telemetry=source.telemetry,
+            by_pilot=job.enable_from_rc,
         )
-        self._switch = _switch(job, source)
         outputs = job.outputs
         self._out = LineFile(outputs.out) if outputs.out else None
         self._events = LineFile(outputs.events) if outputs.events else None
         self._video = OverlayWriter(outputs.video, source.camera) if outputs.video else None
-        for file in (self._out, self._events, self._video):
+        self.report = ReportRecorder(source.camera) if outputs.report else None
+        for file in (self._out, self._events, self._video, self.report):
             if file:
                 stack.callback(file.close)
         self._publisher, self._preview = _published(job, source, stack)
@@ -141,8 +150,8 @@ class _Run:
         after_s = self._job.enable_after_s
         if after_s is not None and self.history.now_s >= after_s:
             self._core.set_enabled(True)
-        if self._switch is not None:
-            self._core.set_enabled(self._switch.feed(sample))
+        if self.report:
+            self.report.sample(sample, self.history.now_s)
         if not (self._autopilot and self._autopilot.replaces(sample)):
             self._take(self._core.feed(sample))
         self._take_answers()
@@ -155,20 +164,27 @@ class _Run:
     def _take(self, outputs: list[Output]) -> None:
         for output in outputs:
             if isinstance(output, LandRequest):
-                if self._video:
-                    self._video.requested(self.history.now_s)
+                for picture in (self._video, self.report):
+                    if picture:
+                        picture.requested(self.history.now_s)
                 if self._autopilot:
                     self._autopilot.request(output)
             elif not isinstance(output, Processed):
                 self._message(output)
             elif self._preview:
                 self._preview.put(output.frame, output.estimate, self.history.estimates[-1].time_unix_us)
-        if self._video:
-            started_s = time.thread_time()
-            for output in outputs:
-                if isinstance(output, Processed):
+        if self._video or self.report:
+            self._draw(outputs)
+
+    def _draw(self, outputs: list[Output]) -> None:
+        started_s = time.thread_time()
+        for output in outputs:
+            if isinstance(output, Processed):
+                if self._video:
                     self._video.add(output.frame.image, output.estimate, self.history.now_s)
-            self._drawing_s += time.thread_time() - started_s
+                if self.report:
+                    self.report.picture(output.frame, output.estimate, self.history.now_s)
+        self._drawing_s += time.thread_time() - started_s
 
     def _message(self, message: Message) -> None:
         self.history.add(message)
@@ -180,6 +196,8 @@ class _Run:
             self._last_decision = message
             if self._video:
                 self._video.decided(message)
+        if self.report:
+            self.report.message(message, self.history.now_s)
         if self._publisher:
             self._publisher.publish(message)
 
@@ -190,17 +208,14 @@ class _Run:
             self._take_answers()
 
 
-def _switch(job: ReplayJob, source: ReplaySource) -> EnableSwitch | None:
-    """The pilot's switch as it was recorded; LandslopeError where the settings name none."""
-    if not job.enable_from_rc:
-        return None
-    switch = EnableSwitch(source.settings.landing)
-    if not switch.has_switch:
+def _check_switch(source: ReplaySource) -> None:
+    """LandslopeError where the settings name no switch of the pilot's."""
+    landing = source.settings.landing
+    if not landing.enable_rc_channel and not landing.enable_modes:
         raise LandslopeError(
             "--enable-from-rc: the settings name no switch; --set landing.enable_rc_channel=CHANNEL, or "
             "landing.enable_modes"
         )
-    return switch
 
 
 def _published(
