@@ -35,6 +35,8 @@ TICK_S = 0.1
 ANSWER_S = 10.0
 """How long the end waits for the answer to a command; MAVSDK gives up by then."""
 CLOSE_S = 2.0
+ESTIMATORS_NEED = frozenset({"ATTITUDE", "RAW_IMU", "HIGHRES_IMU"})
+"""Messages whose rate the estimates depend on."""
 
 GATHER_S = 0.02
 """Telemetry is gathered for so long while no frame waits for it."""
@@ -209,6 +211,8 @@ class Daemon:
         if self._link is not None:
             wanted = self._link.rates.wanted_hz
             for name, hz in self._link.slow.items():
+                if name not in ESTIMATORS_NEED:
+                    continue  # an event tells of it; its age is watched where it matters
                 found.append(condition(Code.RATE_TOO_LOW, name, f"{hz:.1f} Hz of {wanted[name]:g}"))
             if self._link.unsigned_only:
                 found.append(condition(Code.UNSIGNED))
