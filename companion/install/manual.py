@@ -21,13 +21,21 @@ class Command:
 
     @property
     def actions(self) -> list[argparse.Action]:
-        """Its arguments in the order of its help."""
-        return list(self.parser._actions)
+        """Its arguments in the order of its help, those of its parts behind them."""
+        return list(_actions(self.parser))
 
     @property
     def options(self) -> list[str]:
         """All spellings of its options."""
         return [word for action in self.actions for word in action.option_strings]
+
+
+def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    yield from parser._actions
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for part in action.choices.values():
+                yield from (own for own in _actions(part) if own.dest != "help")
 
 
 def documents(commands: Mapping[str, Command], version: str) -> dict[Path, str]:
