@@ -1,8 +1,10 @@
 """The command line: one table of commands, each a module of its own that is imported only when it is called."""
 
 import argparse
+import difflib
 import importlib
 import importlib.metadata
+import io
 import sys
 
 from companion.commands.closed_pipe import discard_output
@@ -65,6 +67,10 @@ def usage() -> str:
 def main(argv: list[str] | None = None) -> int:
     """Run one command; errors end as one line on stderr and exit code 2."""
     words = sys.argv[1:] if argv is None else argv
+    unreadable = next((word for word in words if not _is_text(word)), None)
+    if unreadable is not None:
+        print(f"landslope: {unreadable!a}: this name is not UTF-8: rename it", file=sys.stderr)
+        return 2
     if not words or words[0] in ("-h", "--help", "help"):
         print(usage())
         return 0 if words else 2
@@ -72,7 +78,9 @@ def main(argv: list[str] | None = None) -> int:
         print(f"landslope {importlib.metadata.version('landslope')}")
         return 0
     if words[0] not in COMMANDS:
-        print(f"landslope: there is no command '{words[0]}'\n\n{usage()}", file=sys.stderr)
+        near = difflib.get_close_matches(words[0], COMMANDS, n=1)
+        hint = f"; did you mean '{near[0]}'?" if near else ""
+        print(f"landslope: there is no command '{words[0]}'{hint}\n\n{usage()}", file=sys.stderr)
         return 2
     args = parser_for(words[0]).parse_args(words[1:])
     try:
@@ -89,9 +97,18 @@ def main(argv: list[str] | None = None) -> int:
         return 141
 
 
+def _is_text(word: str) -> bool:
+    """Whether a word of the command line is valid text: OpenCV and zenoh end the process on a name that is not."""
+    return not any("\ud800" <= letter <= "\udfff" for letter in word)
+
+
 def script() -> None:
     """The installed command: ends with main's code, even when a library hangs in a thread of its own."""
     keep_freed_memory()
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(
+            errors="backslashreplace"
+        )  # names of files that are not in the locale's letters
     code = main()
     hanging = sys.modules.get("drivers.system.hanging")  # imported by the commands that need it alone
     if hanging is not None:

@@ -109,6 +109,8 @@ class HealthMonitor:
         self._expected = tuple(self._max_age_s) if telemetry else ("frames",)
         self._inputs = {name: _Input() for name in self._expected}
         self.telemetry = telemetry
+        self._early: set[str] = set()
+        """Inputs counted before there was a time: they came when time begins."""
         self._start_us: int | None = None
         self._told_us: int | None = None
         self.counters: Counter[str] = Counter()
@@ -121,7 +123,7 @@ class HealthMonitor:
 
     def count(self, sample: Sample, now_us: int) -> None:
         """Take note of one sample."""
-        if self._start_us is None:
+        if not self._start_us:
             self._start_us = now_us
         if isinstance(sample, Refusal):
             self.refuse(SOURCES.get(sample.source, sample.source), sample.reason)
@@ -129,6 +131,8 @@ class HealthMonitor:
         entry = self._inputs.setdefault(INPUTS[type(sample)], _Input())
         entry.count += 1
         entry.newest_us = now_us
+        if now_us == 0:
+            self._early.add(INPUTS[type(sample)])
 
     def refuse(self, name: str, reason: str) -> None:
         """Count a refusal of an input."""
@@ -138,6 +142,11 @@ class HealthMonitor:
 
     def state(self, name: str, now_us: int) -> str:
         """Of one input: "ok", "stale", "missing" (never came)."""
+        if self._early and now_us > 0:
+            for early in self._early:
+                if self._inputs[early].newest_us == 0:
+                    self._inputs[early].newest_us = now_us
+            self._early.clear()
         entry = self._inputs.get(name)
         if entry is None or entry.newest_us is None:
             return "missing"

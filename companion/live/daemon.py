@@ -63,7 +63,7 @@ class Daemon:
             stack.callback(self.recording.close)
             self.pipeline = LivePipeline(settings, self._output, self._conditions, self.counters)
             self._report = GroundReport(settings.mavlink, self.pipeline.body_from_camera)
-            self._watch = LandingWatch(settings.landing)
+            self._watch = LandingWatch(settings.landing, settings.decision.dwell_s)
             self._publisher = stack.enter_context(Publisher(settings, retry=True))
             self._preview = PreviewPublisher(self._publisher.bus, settings.preview)
             stack.callback(self._preview.close)
@@ -204,6 +204,12 @@ class Daemon:
         found = list(self.recording.conditions())
         if self._link is not None and self._link.ambiguous:
             found.append(condition(Code.TWO_VEHICLES))
+        if self._link is not None:
+            wanted = self._link.rates.wanted_hz
+            for name, hz in self._link.slow.items():
+                found.append(condition(Code.RATE_TOO_LOW, name, f"{hz:.1f} Hz of {wanted[name]:g}"))
+            if self._link.unsigned_only:
+                found.append(condition(Code.UNSIGNED))
         if not has_date():
             found.append(condition(Code.CLOCK_WITHOUT_DATE))
         return tuple(found)

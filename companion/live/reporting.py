@@ -10,19 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from companion.messages.conditions import Condition, identity
-from companion.messages.events import COMMAND_EVENTS
+from companion.live.status_texts import StatusTexts
 from companion.messages.messages import Decision, Estimate, Event, Health, Message
 from companion.settings.settings import MavlinkSettings
 from drivers.samples import Imu
 
-TEXT_LENGTH = 50
-"""STATUSTEXT holds this many characters; longer texts would need chunks that few ground stations join."""
-SEVERITIES = {
-    "info": dialect.MAV_SEVERITY_INFO,
-    "warning": dialect.MAV_SEVERITY_WARNING,
-    "error": dialect.MAV_SEVERITY_CRITICAL,
-}
 BOOT_WRAP_MS = 2**32
 
 
@@ -34,8 +26,7 @@ class GroundReport:
         self._body_from_camera = body_from_camera
         self._gyro = np.zeros(2)
         self._gyro_count = 0
-        self._verdict = ""
-        self._conditions: dict[tuple[str, str], Condition] = {}
+        self._texts = StatusTexts()
         self._values_due_us = 0
 
     def set_settings(self, settings: MavlinkSettings) -> None:
@@ -54,30 +45,10 @@ class GroundReport:
         if not self._s.status_text:
             return []
         if isinstance(message, Decision):
-            return self._decision(message)
+            return self._texts.decision(message)
         if isinstance(message, Health):
-            return self._health_change(message)
-        if isinstance(message, Event) and message.event in COMMAND_EVENTS:
-            return [_text(message.severity, message.text.removeprefix("command to "))]
-        return []
-
-    def _decision(self, decision: Decision) -> list[Any]:
-        if decision.verdict == self._verdict:
-            return []
-        first, self._verdict = not self._verdict, decision.verdict
-        if first and decision.verdict == "unknown":
-            return []
-        why = f": {decision.reasons[0]}" if decision.reasons else ""
-        return [_text("info", f"surface {decision.verdict}{why}")]
-
-    def _health_change(self, health: Health) -> list[Any]:
-        """What began and what ended; ages that grow within a condition are no change."""
-        was, self._conditions = self._conditions, {identity(c): c for c in health.conditions}
-        began = [_text(c.severity, c.text) for key, c in self._conditions.items() if key not in was]
-        if was and not self._conditions:
-            return [_text("info", "all well")]
-        ended = [_text("info", f"over: {c.text}") for key, c in was.items() if key not in self._conditions]
-        return began + ended
+            return self._texts.health(message)
+        return self._texts.event(message) if isinstance(message, Event) else []
 
     def _values(self, e: Estimate) -> list[Any]:
         if self._s.named_value_rate_hz == 0 or e.time_unix_us < self._values_due_us:
@@ -115,10 +86,3 @@ class GroundReport:
                 flow_rate_y=float(gyro[1] + velocity[0]),
             )
         ]
-
-
-def _text(severity: str, text: str) -> Any:
-    line = f"landslope: {text}"
-    if len(line) > TEXT_LENGTH:
-        line = line[: TEXT_LENGTH - 1] + "~"
-    return dialect.MAVLink_statustext_message(SEVERITIES[severity], line.encode("ascii", "replace"))

@@ -174,7 +174,8 @@ def type_name(entry: Entry) -> str:
         )
     names = {bool: "true or false", int: "an integer", float: "a number", str: "a string"}
     members = [t for t in _members(entry.type) if t is not type(None)]
-    return " or ".join(names.get(member, str(member)) for member in members)
+    words = (written(typing.get_args(t)[0]) if typing.get_origin(t) is Literal else None for t in members)
+    return " or ".join(word or names.get(t, str(t)) for word, t in zip(words, members, strict=True))
 
 
 def _entry(path: str, hint: Any, default: Any, internal: bool) -> Entry:
@@ -282,6 +283,8 @@ def _checked(known: dict[str, Entry], path: str, raw: Any, directory: Path) -> A
         near = _nearest(str(raw), [str(a) for a in typing.get_args(entry.type)])
         raise ValueError(f"{path} must be {type_name(entry)}, not {written(raw)}{near}") from None
     for number in value if isinstance(value, tuple) else (value,):
+        if isinstance(number, str):
+            continue
         if entry.limits and number is not None and not entry.limits.low <= number <= entry.limits.high:
             unit = f" {entry.unit}" if entry.unit else ""
             low, high = entry.limits.low, entry.limits.high

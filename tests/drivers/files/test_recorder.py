@@ -21,7 +21,7 @@ from drivers.files.video_file import VideoFile
 from drivers.samples import Attitude, Frame, Refusal
 
 PAPERS = FlightPapers(settings="[vehicle]\nsystem_id = 1\n", calibration="")
-START_US = 1_795_299_001_000_000
+START_US = 1_795_298_557_000_000
 STEP_US = 33_333
 
 
