@@ -74,12 +74,14 @@ VITAL = ("frames", "attitude")
 @dataclass(frozen=True, slots=True)
 class Clocks:
     """How the clocks stand to each other: ``offset_s`` companion minus autopilot, ``late_s`` lateness found of the
-    frames, each with its standard deviation; None where it is not known."""
+    frames, ``readout_s`` readout found of the rows, each with its standard deviation; None where it is not known."""
 
     offset_s: float | None = None
     std_s: float | None = None
     late_s: float | None = None
     late_std_s: float | None = None
+    readout_s: float | None = None
+    readout_std_s: float | None = None
 
 
 @dataclass(slots=True)
@@ -218,6 +220,8 @@ class HealthMonitor:
             clock_std_s=_rounded(clocks.std_s),
             camera_late_s=_rounded(clocks.late_s),
             camera_late_std_s=_rounded(clocks.late_std_s),
+            camera_readout_s=_rounded(clocks.readout_s),
+            camera_readout_std_s=_rounded(clocks.readout_std_s),
             pipeline_ms=None,
             conditions=conditions,
         )

@@ -112,6 +112,11 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
     conditions: Annotated[
         tuple[Condition, ...], about("what is wrong now, by code; problems are their texts")
     ] = ()
+    camera_readout_s: Annotated[
+        float | None,
+        about("rolling shutter readout, estimated in flight; null until settled, or if set", "s"),
+    ] = None
+    camera_readout_std_s: Annotated[float | None, about("standard deviation of camera_readout_s", "s")] = None
 
 
 class Event(msgspec.Struct, frozen=True, kw_only=True):
