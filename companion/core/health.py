@@ -100,6 +100,7 @@ class HealthMonitor:
         self.counters: Counter[str] = Counter()
         self.vehicles_clash = False
         self.camera_frozen = False
+        self._heartbeat: Heartbeat | None = None
 
     def count(self, sample: Sample, now_us: int) -> None:
         """Take note of one sample."""
@@ -108,6 +109,8 @@ class HealthMonitor:
         if isinstance(sample, Refusal):
             self.refuse(SOURCES.get(sample.source, sample.source), sample.reason)
             return
+        if isinstance(sample, Heartbeat):
+            self._heartbeat = sample
         entry = self._inputs.setdefault(INPUTS[type(sample)], _Input())
         entry.count += 1
         entry.newest_us = now_us
@@ -167,6 +170,7 @@ class HealthMonitor:
             )
             entry.told = entry.count
         self._told_us = now_us
+        beat = self._heartbeat if self.state("heartbeat", now_us) == "ok" else None
         problems = self.problems(now_us, clocks.offset_s is not None)
         failed = any(inputs[name].state != "ok" for name in VITAL if name in self._expected)
         state = (
@@ -182,6 +186,8 @@ class HealthMonitor:
             problems=problems,
             inputs=inputs,
             counters=dict(sorted(self.counters.items())),
+            mode=None if beat is None else beat.mode,
+            armed=None if beat is None else beat.armed,
             clock_offset_s=_rounded(clocks.offset_s),
             clock_std_s=_rounded(clocks.std_s),
             camera_late_s=_rounded(clocks.late_s),

@@ -115,9 +115,9 @@ class Browser:
         self.driver.get(url)
         assert eventually(lambda: self.script("return document.querySelector('main') !== null"))
 
-    def script(self, code: str) -> Any:
+    def script(self, code: str, *arguments: Any) -> Any:
         """Run JavaScript."""
-        return self.driver.execute_script(code)
+        return self.driver.execute_script(code, *arguments)
 
     def texts(self) -> dict[str, str]:
         """All labelled fields at one instant."""
@@ -221,6 +221,9 @@ def health() -> Health:
         time_unix_us=1,
         state="degraded",
         problems=("gyro: stale for 2.5 s",),
+        mode="GUIDED",
+        armed=True,
+        recording=True,
         inputs={
             "frames": InputHealth(state="ok", count=900, refused=2, rate_hz=29.97, age_s=0.03),
             "gyro": InputHealth(state="stale", count=10, refused=0, rate_hz=None, age_s=2.5),

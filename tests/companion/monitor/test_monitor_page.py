@@ -6,8 +6,11 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
+import axe_core_python
+import msgspec
 import pytest
 import zenoh
 from monitor_support import (
@@ -23,6 +26,7 @@ from monitor_support import (
     health,
 )
 from places import REPOSITORY
+from selenium.webdriver.common.keys import Keys
 
 from companion.fleet.fleet import free_endpoint
 from drivers.bus import Endpoints, Subscription, open_session
@@ -177,7 +181,10 @@ def test_every_part_of_the_page_says_what_the_messages_say(
     assert texts["ventral_flow"] == "+0.25, -0.50"
     assert texts["roughness"] == "0.0123 ± 0.0020"
     assert texts["slopes"] == "rises 12.5° ahead, rises 0.0° to the right"
-    assert texts["downhill_bearing_deg"] == "181° S"
+    assert texts["downhill_bearing_deg"] == "south (181°)"
+    assert texts["attitude"] == "roll 1° right, nose 2° down"
+    assert (texts["armed"], texts["mode"]) == ("ARMED", "GUIDED")
+    assert texts["status"] == "camera calibratedgyro stalerecording"
     assert texts["permission"] == "withheld: landing is not enabled"
     assert texts["health"] == "degraded"
     assert texts["problems"] == "gyro: stale for 2.5 s"
@@ -186,7 +193,7 @@ def test_every_part_of_the_page_says_what_the_messages_say(
     assert inputs == ["frames: ok", "30.0 Hz", "0.03 s", "900, 2 refused", "gyro: stale", "–", "2.50 s", "10"]
     # Texts of a vehicle are texts, whatever is in them.
     assert "<b>bold</b>" in texts["events"]
-    assert browser.script("return document.querySelectorAll('main b').length") == 0
+    assert browser.script("return document.querySelectorAll('.page b').length") == 0
     assert not browser.errors()
 
 
@@ -213,7 +220,7 @@ def test_pictures_come_while_somebody_looks_and_only_then(
     image = "document.querySelector('#preview img')"
     assert eventually(lambda: browser.script(f"return {image} && {image}.naturalWidth") == 320)
     assert eventually(lambda: "2 inliers, 1 outliers" in browser.texts().get("preview", ""))
-    assert browser.script("return document.querySelectorAll('#preview svg svg circle').length") == 2
+    assert browser.script("return document.querySelectorAll('#preview .overlay svg circle').length") == 2
     assert vehicle.preview.watched
     first = browser.script(f"return {image}.src")
     assert first.startswith("data:image/jpeg")
@@ -231,7 +238,7 @@ def test_the_alarm_comes_when_a_vehicle_stops_and_goes_when_it_returns(
     vehicle.say(decision(verdict="unfit"))
     silent = f"{vehicle.bus.vehicle} IS SILENT"
     assert eventually(lambda: silent not in browser.alarm())
-    faded = "return getComputedStyle(document.querySelector('main > section')).opacity"
+    faded = "return getComputedStyle(document.querySelector('.page > section.card:not(.help)')).opacity"
     vehicle.quiet.set()  # the process lives, its messages stop
     assert eventually(lambda: silent in browser.alarm())
     assert eventually(lambda: float(browser.script(faded)) < 0.5)  # what it said last is not true any more
@@ -306,7 +313,7 @@ def test_a_phone_shows_it_without_scrolling_sideways(
         assert eventually(lambda: browser.script("return innerWidth") == 390)
         assert eventually(lambda: browser.script("return document.documentElement.scrollWidth") <= 390)
         cut = browser.script(
-            "return Array.from(document.querySelectorAll('main *')).filter(e => !e.closest('svg') &&"
+            "return Array.from(document.querySelectorAll('.page *, .top *')).filter(e => !e.closest('svg') &&"
             " e.getBoundingClientRect().right > 390.5).map(e => e.className)"
         )
         assert cut == []
@@ -316,15 +323,97 @@ def test_a_phone_shows_it_without_scrolling_sideways(
         )
         assert min(sizes) >= 16
         verdict = "document.querySelector('[data-field=verdict]')"
+        # However far one has scrolled, the verdict is in view.
+        browser.script("window.scrollTo(0, 1500)")
+        assert eventually(lambda: browser.script("return scrollY") > 1000)
+        assert 0 <= browser.script(f"return {verdict}.getBoundingClientRect().top") < 400
         assert browser.script(f"return parseFloat(getComputedStyle({verdict}).fontSize)") >= 32
         # In sunlight contrast is what counts: 7 to 1 is the strictest level of the accessibility guidelines.
         colours = browser.script(
-            f"return [getComputedStyle({verdict}).color, getComputedStyle({verdict}).backgroundColor]"
+            f"return [getComputedStyle({verdict}).color, getComputedStyle({verdict}.parentElement).backgroundColor]"
         )
         assert contrast(*colours) > 6.9
     finally:
         browser.wide()
         other.close()
+
+
+@pytest.mark.parametrize("theme", ["light", "dark", "sunlight"])
+def test_it_can_be_used_without_seeing_all_of_it(
+    monitor: Monitor, browser: Browser, vehicle: Vehicle, theme: str
+) -> None:
+    show(browser, monitor, vehicle)
+    vehicle.say(health())
+    vehicle.say(decision())
+    assert eventually(lambda: browser.texts()["verdict"] == "NOT FIT")
+    assert eventually(
+        lambda: (
+            (
+                browser.script(
+                    "if (document.documentElement.dataset.theme !== arguments[0]) landslopeTheme()", theme
+                ),
+                browser.script("return document.documentElement.dataset.theme"),
+            )[1]
+            == theme
+        )
+    )
+    assert grave_findings(browser) == []
+    verdict = "document.querySelector('[data-field=verdict]')"
+    assert browser.script(f"return {verdict}.ariaLive") == "assertive"
+    assert browser.script("return document.documentElement.lang") == "en-US"
+    colours = browser.script(
+        f"return [getComputedStyle({verdict}).color, getComputedStyle({verdict}.parentElement).backgroundColor]"
+    )
+    assert contrast(*colours) >= 7
+
+
+def test_the_fleet_is_sorted_by_who_needs_attention_and_its_time_can_be_looked_back(
+    net: Net, monitor: Monitor, browser: Browser, vehicle: Vehicle
+) -> None:
+    show(browser, monitor, vehicle)
+    others = [Vehicle(f"a-{name}", net.endpoint) for name in ("fit", "unfit", "silent")]
+    well = msgspec.structs.replace(health(), state="ok", problems=())
+    fit = decision(verdict="fit", reasons=())
+    names = "return Array.from(document.querySelectorAll('.fleet-name')).map(e => e.textContent)"
+    words = "return document.querySelector('[data-field=verdict]').textContent"
+    try:
+        for other, said in zip(others, (fit, decision(), fit), strict=True):
+            other.say(well)
+            other.say(said)
+        vehicle.say(well)
+        vehicle.say(fit)
+        assert eventually(lambda: browser.script(words) == "FIT TO LAND")
+        others[2].quiet.set()
+        order = ["a-silent", "a-unfit", "a-fit", vehicle.bus.vehicle]
+        assert eventually(lambda: [n for n in browser.script(names) if n in order] == order)
+        # a fault on a fit surface is no green light
+        vehicle.say(health())
+        assert eventually(lambda: browser.script(words) == "FIT, WITH FAULTS")
+        slider = browser.driver.find_element("css selector", ".look-back")
+        slider.send_keys(Keys.ARROW_LEFT)
+        assert eventually(lambda: browser.texts()["back"].startswith("5 s ago"))
+        browser.script("document.getElementById('live').click()")
+        assert eventually(lambda: browser.texts()["back"] == "now")
+    finally:
+        for other in others:
+            other.close()
+
+
+def test_an_empty_page_says_what_to_do(monitor: Monitor, browser: Browser) -> None:
+    browser.open(f"{monitor.url}/?vehicle=nobody")
+    helped = "return document.getElementById('help') && document.getElementById('help').innerText"
+    assert eventually(lambda: "zenoh.connect" in (browser.script(helped) or ""))
+    assert grave_findings(browser) == []
+
+
+def grave_findings(browser: Browser) -> list[Any]:
+    """Serious and critical findings of axe-core."""
+    browser.script((Path(axe_core_python.__file__).parent / "axe.min.js").read_text(encoding="utf-8"))
+    found = browser.driver.execute_async_script(
+        "const done = arguments[0]; axe.run(document).then(r => done(r.violations.map("
+        "v => [v.impact, v.id, v.nodes.slice(0, 3).map(n => n.html.slice(0, 200))])))"
+    )
+    return [finding for finding in found if finding[0] in ("serious", "critical")]
 
 
 def test_nothing_is_fetched_from_elsewhere(monitor: Monitor, browser: Browser, vehicle: Vehicle) -> None:
