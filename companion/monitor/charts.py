@@ -150,9 +150,10 @@ def _range(chart: Chart, points: Sequence[Point], limit: float | None) -> tuple[
     high = max([*known, low])
     if limit is not None:
         high = max(high, LIMIT_ROOM * limit)
+    least = max(1e-6, 1e-6 * abs(high))
+    if high - low < least:  # nothing, or one value alone
+        high = low + max(1.0, 0.1 * abs(high))
     room = 0.06 * (high - low)
-    if not room > 1e-9 * abs(high):
-        return low - (chart.floor is None), low + 1.0
     return low - (room if chart.floor is None else 0.0), high + room
 
 

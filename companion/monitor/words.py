@@ -114,8 +114,7 @@ def bearing(degrees: float | None) -> str:
 
 def forbidding(health: Health | None) -> list[str]:
     """What forbids a landing whatever the surface is like, in words."""
-    standing = getattr(health, "conditions", ())
-    return [c.text for c in standing if c.forbids_landing]
+    return [] if health is None else [c.text for c in health.conditions if c.forbids_landing]
 
 
 def verdict(decision: Decision | None, health: Health | None = None, estimate: Estimate | None = None) -> str:

@@ -37,7 +37,7 @@ def camera(slope: PlaneSequence) -> CameraModel:
     ("slope_deg", "axis", "motion"), [(0, "x", "x"), (30, "x", "y"), (45, "y", "x"), (60, "y", "y")]
 )
 def test_sideways(slope_deg: float, axis: str, motion: str):
-    """``python tests/image_sequences.py`` measures this over more textures."""
+    """``python tests/tools/image_sequences.py`` measures this over more textures."""
     made = plane_sequence("gravel", slope_deg, axis, motion, 24, fine=False)
     found = sequences.estimates(made.images, sequences.camera_of(made))
     error = np.abs(sequences.slope_errors_deg(made, found))[sequences.WARM_UP :]

@@ -11,7 +11,7 @@ from places import REPOSITORY
 
 from companion.cli import main
 from companion.messages import schema
-from companion.messages.events import EVENTS
+from companion.messages.events import COMMAND_EVENTS, EVENTS, LANDING_EVENTS
 from companion.messages.messages import (
     TOPICS,
     Decision,
@@ -158,3 +158,9 @@ def test_every_event_that_the_code_makes_is_in_the_table() -> None:
     }
     assert len(made) > 15, "the search finds nothing any more"
     assert not {(name, file) for name, file in made if name not in EVENTS}
+
+
+def test_every_event_of_a_landing_is_listed_as_one():
+    of_the_permission = {"landing_enabled", "landing_disabled"}
+    assert {name for name in EVENTS if name.startswith("landing_")} - of_the_permission == LANDING_EVENTS
+    assert EVENTS.keys() >= COMMAND_EVENTS >= LANDING_EVENTS
