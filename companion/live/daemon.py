@@ -6,6 +6,8 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 
+import msgspec
+
 from companion.core.command import NAV_LAND
 from companion.core.core import LandRequest, Output, Processed
 from companion.core.landing_watch import LandingWatch
@@ -186,6 +188,8 @@ class Daemon:
         if isinstance(message, Estimate):
             self._estimate_us = message.time_unix_us
         elif isinstance(message, Health):
+            recording = self.recording.recording if self.settings.record.directory else None
+            message = msgspec.structs.replace(message, recording=recording)
             self.service.status("; ".join(message.problems) or "all well")
         self._publisher.publish(message)
         self.recording.message(message)
