@@ -166,7 +166,9 @@ class CameraExamination:
             return Finding(
                 "calibration", "warning", "none: slopes will be rough", "run 'landslope calibrate'"
             )
-        across = 2 * np.degrees(np.arctan(image.shape[1] / 2 / model.matrix[0, 0]))
+        middle = (image.shape[0] - 1) / 2
+        left, right = model.undistort(np.array(((0.0, middle), (image.shape[1] - 1.0, middle))))[:, 0]
+        across = np.degrees(np.arctan(right) - np.arctan(left))
         text = f"{self._settings.camera.calibration} fits, {across:.0f} degrees across"
         if not self._settings.camera.time_offset_s:
             return Finding(
