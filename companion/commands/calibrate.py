@@ -77,7 +77,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--dpi", type=float, default=300.0, help="the printer's resolution (default: %(default)g)"
     )
     parser.add_argument(
-        "--paper", choices=PAPERS, default="a4", help="what the board is printed on (default: %(default)s)"
+        "--paper",
+        choices=tuple(PAPERS),
+        default="a4",
+        help="what the board is printed on (default: %(default)s)",
     )
     parser.add_argument("--every", type=int, default=1, metavar="N", help="look at every Nth picture")
     parser.add_argument(

@@ -74,12 +74,14 @@ VITAL = ("frames", "attitude")
 @dataclass(frozen=True, slots=True)
 class Clocks:
     """How the clocks stand to each other: ``offset_s`` companion minus autopilot, ``late_s`` lateness found of the
-    frames, each with its standard deviation; None where it is not known."""
+    frames, ``readout_s`` readout found of the rows, each with its standard deviation; None where it is not known."""
 
     offset_s: float | None = None
     std_s: float | None = None
     late_s: float | None = None
     late_std_s: float | None = None
+    readout_s: float | None = None
+    readout_std_s: float | None = None
 
 
 @dataclass(slots=True)
@@ -116,6 +118,7 @@ class HealthMonitor:
         self.counters: Counter[str] = Counter()
         self.vehicles_clash = False
         self.camera_frozen = False
+        self._heartbeat: Heartbeat | None = None
         self.calibrated = True
         self.radio_lost = False
         self.standing: tuple[Condition, ...] = ()
@@ -128,6 +131,8 @@ class HealthMonitor:
         if isinstance(sample, Refusal):
             self.refuse(SOURCES.get(sample.source, sample.source), sample.reason)
             return
+        if isinstance(sample, Heartbeat):
+            self._heartbeat = sample
         entry = self._inputs.setdefault(INPUTS[type(sample)], _Input())
         entry.count += 1
         entry.newest_us = now_us
@@ -207,6 +212,7 @@ class HealthMonitor:
             )
             entry.told = entry.count
         self._told_us = now_us
+        beat = self._heartbeat if self.state("heartbeat", now_us) == "ok" else None
         conditions = self.conditions(now_us, clocks.offset_s is not None)
         return Health(
             time_unix_us=time_unix_us,
@@ -214,10 +220,14 @@ class HealthMonitor:
             problems=tuple(c.text for c in conditions),
             inputs=inputs,
             counters=dict(sorted(self.counters.items())),
+            mode=None if beat is None else beat.mode,
+            armed=None if beat is None else beat.armed,
             clock_offset_s=_rounded(clocks.offset_s),
             clock_std_s=_rounded(clocks.std_s),
             camera_late_s=_rounded(clocks.late_s),
             camera_late_std_s=_rounded(clocks.late_std_s),
+            camera_readout_s=_rounded(clocks.readout_s),
+            camera_readout_std_s=_rounded(clocks.readout_std_s),
             pipeline_ms=None,
             conditions=conditions,
         )

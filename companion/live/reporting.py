@@ -16,6 +16,8 @@ from companion.settings.settings import MavlinkSettings
 from drivers.samples import Imu
 
 BOOT_WRAP_MS = 2**32
+LONGEST_FLOW_US = 500_000
+"""Flow is integrated from estimate to estimate; over a longer gap none is sent."""
 
 
 class GroundReport:
@@ -24,8 +26,11 @@ class GroundReport:
     def __init__(self, settings: MavlinkSettings, body_from_camera: NDArray[np.float64]) -> None:
         self._s = settings
         self._body_from_camera = body_from_camera
-        self._gyro = np.zeros(2)
+        self.autopilot = ""
+        """As heartbeats name it: PX4 takes OPTICAL_FLOW_RAD alone."""
+        self._gyro = np.zeros(3)
         self._gyro_count = 0
+        self._flow_us: int | None = None
         self._texts = StatusTexts()
         self._values_due_us = 0
 
@@ -35,7 +40,7 @@ class GroundReport:
 
     def gyro(self, sample: Imu) -> None:
         """Take a gyro sample: OPTICAL_FLOW has the rotation in it, the estimates do not."""
-        self._gyro += sample.rate[:2]
+        self._gyro += sample.rate
         self._gyro_count += 1
 
     def feed(self, message: Message) -> list[Any]:
@@ -71,18 +76,43 @@ class GroundReport:
         approach = (e.divergence or 0.0) / 2
         velocity = self._body_from_camera @ (e.ventral_flow_x, e.ventral_flow_y, approach)
         gyro = self._gyro / max(self._gyro_count, 1)
-        self._gyro, self._gyro_count = np.zeros(2), 0
+        self._gyro, self._gyro_count = np.zeros(3), 0
+        flow_x, flow_y = float(gyro[0] - velocity[1]), float(gyro[1] + velocity[0])
+        quality = round(255 * (e.inlier_fraction or 0.0))
+        height_m = -1.0 if e.height_m is None else e.height_m
+        if self.autopilot != "px4":
+            return [
+                dialect.MAVLink_optical_flow_message(
+                    time_usec=e.time_unix_us,
+                    sensor_id=0,
+                    flow_x=0,
+                    flow_y=0,
+                    flow_comp_m_x=0.0,
+                    flow_comp_m_y=0.0,
+                    quality=quality,
+                    ground_distance=height_m,
+                    flow_rate_x=flow_x,
+                    flow_rate_y=flow_y,
+                )
+            ]
+        before_us, self._flow_us = self._flow_us, e.time_unix_us
+        span_us = 0 if before_us is None else e.time_unix_us - before_us
+        if not 0 < span_us <= LONGEST_FLOW_US:
+            return []
+        span_s = span_us * 1e-6
         return [
-            dialect.MAVLink_optical_flow_message(
+            dialect.MAVLink_optical_flow_rad_message(
                 time_usec=e.time_unix_us,
                 sensor_id=0,
-                flow_x=0,
-                flow_y=0,
-                flow_comp_m_x=0.0,
-                flow_comp_m_y=0.0,
-                quality=round(255 * (e.inlier_fraction or 0.0)),
-                ground_distance=-1.0 if e.height_m is None else e.height_m,
-                flow_rate_x=float(gyro[0] - velocity[1]),
-                flow_rate_y=float(gyro[1] + velocity[0]),
+                integration_time_us=span_us,
+                integrated_x=flow_x * span_s,
+                integrated_y=flow_y * span_s,
+                integrated_xgyro=float(gyro[0]) * span_s,
+                integrated_ygyro=float(gyro[1]) * span_s,
+                integrated_zgyro=float(gyro[2]) * span_s,
+                temperature=0,
+                quality=quality,
+                time_delta_distance_us=0,
+                distance=height_m,
             )
         ]

@@ -15,6 +15,7 @@ EVENTS = {
     "clock_jumped": ("warning", "the companion's clock was set; the relation to the autopilot was kept"),
     "frames_jumped": ("warning", "the frames' stamps fell back and went on from there"),
     "camera_late": ("warning", "frames are not as late as camera.time_offset_s says; it is allowed for"),
+    "readout_found": ("warning", "the camera has a rolling shutter that is not set; it is allowed for"),
     "camera_frozen": ("error", "the picture stands still while the vehicle turns"),
     "camera_moves": ("info", "the picture moves again"),
     "attitude_lost": ("warning", "frames have no attitude"),

@@ -100,6 +100,13 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
     time_unix_us: Annotated[int, about("when, companion clock since 1970", "us")]
     state: Annotated[str, about('"ok", "degraded" or "failed"')]
     problems: Annotated[tuple[str, ...], about("what is wrong, in words")]
+    mode: Annotated[str | None, about("the autopilot's flight mode by name; null while it is not heard")] = (
+        None
+    )
+    armed: Annotated[bool | None, about("whether the vehicle is armed; null while it is not heard")] = None
+    recording: Annotated[bool | None, about("whether the flight is recorded; null where none is set up")] = (
+        None
+    )
     inputs: Annotated[dict[str, InputHealth], about("every input by name")]
     counters: Annotated[dict[str, int], about("everything counted, by name")]
     clock_offset_s: Annotated[float | None, about("companion clock minus autopilot clock", "s")]
@@ -112,6 +119,11 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
     conditions: Annotated[
         tuple[Condition, ...], about("what is wrong now, by code; problems are their texts")
     ] = ()
+    camera_readout_s: Annotated[
+        float | None,
+        about("rolling shutter readout, estimated in flight; null until settled, or if set", "s"),
+    ] = None
+    camera_readout_std_s: Annotated[float | None, about("standard deviation of camera_readout_s", "s")] = None
 
 
 class Event(msgspec.Struct, frozen=True, kw_only=True):

@@ -21,6 +21,7 @@ from drivers.mavlink.rates_owner import RatesOwner
 from drivers.mavlink.signing import Signer, unsigned
 from drivers.mavlink.telemetry import MESSAGE_IDS, TelemetryDecoder
 from drivers.mavlink.timesync import TimeSync
+from drivers.mavlink.unpacking import Unpacker
 from drivers.samples import Attitude, CommandAnswer, Heartbeat, Refusal, Sample
 from drivers.system.host_clock import now_us as host_now_us
 
@@ -93,7 +94,7 @@ class Link:
             options.system_id, options.autopilot_component, options.own_component
         )
         self._decoder = TelemetryDecoder(0, options.autopilot_component, options.own_component)
-        self._parser = dialect.MAVLink(None)
+        self._unpacker = Unpacker()
         self._rates_owner = RatesOwner()
         self._timesync = TimeSync(options.timesync_interval_s)
         self._splitters: dict[Address, FrameSplitter] = {}
@@ -214,7 +215,7 @@ class Link:
         message = None
         if frame.message_id in MESSAGE_IDS:
             try:
-                message = self._parser.decode(bytearray(frame.data))
+                message = self._unpacker.unpack(frame)
             except dialect.MAVError as error:
                 return [Refusal(now_us, "mavlink", "undecodable", str(error))]
             if not self._for_us(message):

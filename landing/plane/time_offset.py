@@ -28,6 +28,8 @@ _FARTHEST = 10.0
 """Farther away than this, in sigma of what is known at first, it is something else."""
 
 
+_LEAST_STD_S = 1e-7
+"""Doubt that always is left of a time."""
 _LONGEST_S = 0.1
 """No readout is longer."""
 _ALIKE = 4.0
@@ -53,6 +55,7 @@ class TimeOffsetFilter:
         """``attitude_error_std_rad``: what an attitude is wrong by for other reasons while the vehicle turns."""
         self.late_s, self.readout_s = 0.0, readout_s
         self._covariance = np.diag((std_s**2, readout_std_s**2))
+        self._fixed = np.array((std_s == 0, readout_std_s == 0))
         self._attitude_error2 = 2 * attitude_error_std_rad**2
         self._first_std_s, self._drift = std_s, drift
         self._last_s: float | None = None
@@ -147,18 +150,24 @@ class TimeOffsetFilter:
         """Take in what a baseline of ``gap`` frames says; nothing where it says nothing, or no number."""
         if not (np.isfinite(information).all() and np.isfinite(surprise).all()):
             return
-        if not np.trace(information) > 0:
+        # what rounding leaves below zero tells nothing
+        eigenvalues, axes = np.linalg.eigh((information + information.T) / 2)
+        if not eigenvalues[-1] > 0:
             return
+        information = (axes * np.maximum(eigenvalues, 0.0)) @ axes.T
         # how far off it is, over what is known and what it tells
         sigmas = math.sqrt(max(float(surprise @ self._of(information, surprise)), 0.0))
         # baselines that overlap say the same again
         share = min(1.0, _ORDINARY / max(sigmas, 1e-9)) / gap
         if information[1, 1] > 0:
             share /= _ALIKE
-        self._covariance = np.linalg.solve(
-            np.eye(2) + self._covariance @ (share * information), self._covariance
-        )
-        self._covariance = (self._covariance + self._covariance.T) / 2
+        # (P^-1 + I)^-1 by the square root of P: it stays positive
+        root = np.linalg.cholesky(self._covariance + np.diag(np.full(2, _LEAST_STD_S**2)))
+        inside = np.linalg.inv(np.eye(2) + share * (root.T @ information @ root))
+        updated = root @ ((inside + inside.T) / 2) @ root.T
+        updated[self._fixed] = 0.0
+        updated[:, self._fixed] = 0.0
+        self._covariance = updated
         late_s, readout_s = self._covariance @ (share * surprise)
         farthest = _FARTHEST * self._first_std_s
         self.late_s = min(max(self.late_s + float(late_s), -farthest), farthest)

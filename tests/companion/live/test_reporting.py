@@ -57,3 +57,19 @@ def test_optical_flow_has_mavlinks_signs_and_the_rotation_in_it(velocity_body, e
         (expected[0] + 0.2, expected[1] - 0.2), abs=1e-6
     )
     assert (flow.quality, flow.ground_distance) == (255, height)
+
+
+def test_px4_gets_the_flow_integrated_since_the_last_estimate() -> None:
+    ground = report(optical_flow=True, named_value_rate_hz=0.0)
+    ground.autopilot = "px4"
+    values = {"ventral_flow_x": 0.0, "ventral_flow_y": 0.5, "divergence": 0.0, "inlier_fraction": 1.0}
+    assert ground.feed(estimate(1.0, **values)) == []
+    ground.gyro(Imu(0, 0, (0.1, 0.2, 0.3)))
+    (flow,) = ground.feed(estimate(1.1, **values))
+    velocity = DOWN @ (0.0, 0.5, 0.0)
+    assert flow.get_type() == "OPTICAL_FLOW_RAD"
+    assert flow.integration_time_us == 100_000
+    found = (flow.integrated_x, flow.integrated_y, flow.integrated_xgyro, flow.integrated_zgyro)
+    assert found == pytest.approx((0.1 * (0.1 - velocity[1]), 0.1 * (0.2 + velocity[0]), 0.01, 0.03))
+    assert flow.distance == -1.0
+    assert ground.feed(estimate(2.0, **values)) == []
