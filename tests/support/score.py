@@ -141,7 +141,7 @@ def _separation(low: np.ndarray, high: np.ndarray) -> float | None:
 
 
 def row(name: str, s: Score) -> str:
-    """The figures as a row of the table in docs/estimator.md: medians and 95th percentiles."""
+    """The figures as a row of the table in docs/accuracy.md: medians and 95th percentiles."""
 
     def pair(e: Errors, scale: float = 1.0, digits: int = 2) -> str:
         if e.median is None or e.p95 is None:
