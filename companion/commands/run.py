@@ -33,7 +33,10 @@ def run(args: argparse.Namespace) -> int:
     """Run until SIGTERM or SIGINT; 1 when a thread broke, so that the service manager starts anew."""
     _log_to_stderr(logging.DEBUG if args.verbose else logging.INFO)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)  # until the daemon can take settings over
-    settings = load(args.config, args.overrides).settings
+    loaded = load(args.config, args.overrides)
+    for note in loaded.notes:
+        logging.getLogger(__name__).warning("%s", note)
+    settings = loaded.settings
     import cv2
 
     from companion.live.inputs import Inputs
