@@ -10,11 +10,10 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from camera_support import SITL_LOGS, textured
+from camera_support import PAPERS, SITL_LOGS, START_US, STEP_US, await_event, options, textured
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from places import SUPPORT
-from recorder_support import PAPERS, START_US, STEP_US, await_event, options
 
 import drivers.files.flight_writer
 from drivers.files.flight_folder import FlightFolder

@@ -6,8 +6,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from camera_support import textured
-from recorder_support import PAPERS, START_US, await_event, options
+from camera_support import PAPERS, START_US, await_event, options, textured
 
 import drivers.files.flight_writer
 from drivers.files.flight_folder import FlightFolder
