@@ -57,8 +57,15 @@ class MavlinkSettings:
     forward: Annotated[
         tuple[str, ...], Meaning('endpoints of other programs on the same link, as "udpout:127.0.0.1:14560"')
     ] = ()
+    forward_open: Annotated[
+        bool, Meaning("allow mavlink.forward to addresses off this machine: whoever reaches them can command")
+    ] = False
     signing_key: Annotated[
-        str, FilePath("MAVLink 2 signing key (32 bytes or 64 hex digits); empty: nothing is signed")
+        str,
+        FilePath(
+            "MAVLink 2 signing key: 64 hex digits, or a file with them or 32 bytes; empty: no signing",
+            or_key=True,
+        ),
     ] = ""
     heartbeat_max_age_s: Annotated[
         float,

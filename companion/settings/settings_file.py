@@ -23,6 +23,7 @@ from companion.errors import SettingsError
 from companion.settings.marks import FilePath, UserSettings
 from companion.settings.moved import MOVED
 from companion.settings.settings import Settings
+from drivers.secrets import is_key
 from landing.options import Limits
 
 T = typing.TypeVar("T")
@@ -42,6 +43,7 @@ class Entry:
     is_file: bool
     must_exist: bool
     internal: bool = False
+    or_key: bool = False
 
     @property
     def unit(self) -> str:
@@ -183,8 +185,9 @@ def _entry(path: str, hint: Any, default: Any, internal: bool) -> Entry:
     meaning = next(filter(None, words), "")
     file = _mark(hint, FilePath)
     must_exist = file is not None and file.must_exist
+    or_key = file is not None and file.or_key
     limits = _mark(hint, Limits)
-    return Entry(path, _bare(hint), default, limits, meaning, file is not None, must_exist, internal)
+    return Entry(path, _bare(hint), default, limits, meaning, file is not None, must_exist, internal, or_key)
 
 
 @functools.cache
@@ -288,7 +291,7 @@ def _checked(known: dict[str, Entry], path: str, raw: Any, directory: Path) -> A
             raise ValueError(f"{path} = {written(number)} is outside its limits {low:g} to {high:g}{unit}")
         if isinstance(number, float) and not math.isfinite(number):
             raise ValueError(f"{path} = {number} is not a finite number")
-    if entry.is_file and value:
+    if entry.is_file and value and not (entry.or_key and is_key(value)):
         return str((directory / Path(value).expanduser()).absolute())
     return value
 
