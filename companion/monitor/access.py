@@ -62,8 +62,10 @@ class Gate:
             await _answer(scope, send, 401, LOGIN_PAGE)
 
     def _is_ours(self, scope: Scope, headers: dict[str, str]) -> bool:
+        """Raises ValueError for a Host or Origin that is none."""
         host = headers.get("host", "")
-        if self._token is None and urlsplit(f"//{host}").hostname not in LOCAL_NAMES:
+        named = urlsplit(f"//{host}")
+        if self._token is None and (named.port == 0 or named.hostname not in LOCAL_NAMES):
             return False
         origin = headers.get("origin")
         return scope["type"] == "http" or origin is None or urlsplit(origin).netloc == host
