@@ -102,6 +102,8 @@ class HealthMonitor:
         self.counters: Counter[str] = Counter()
         self.vehicles_clash = False
         self.camera_frozen = False
+        self.wrong_size = ""
+        """What size the pictures have where it is not the calibration's; empty while it is."""
         self.calibrated = True
         self.standing: tuple[Condition, ...] = ()
         """Conditions that others found: recording, clock, radio."""
@@ -162,6 +164,8 @@ class HealthMonitor:
             yield condition(Code.CAMERA_FROZEN)
         if self.vehicles_clash:
             yield condition(Code.TWO_VEHICLES)
+        if self.wrong_size:
+            yield condition(Code.IMAGE_SIZE, detail=self.wrong_size)
         if not self.calibrated:
             yield condition(Code.UNCALIBRATED)
 

@@ -37,6 +37,7 @@ EVENTS = {
     "rate_too_low": ("warning", "a message comes more rarely than was asked for"),
     "camera_lost": ("warning", "the camera gives no frames"),
     "camera_back": ("info", "the camera gives frames again"),
+    "camera_stuck": ("error", "every read of the camera hangs; the process ends to be started anew"),
     "camera_ended": ("info", "the video is at its end"),
     "recording_started": ("info", "a flight folder was opened"),
     "recording_stopped": ("info", "the recording ended"),

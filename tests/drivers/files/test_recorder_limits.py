@@ -125,3 +125,15 @@ def test_the_queue_is_bounded_by_bytes_not_by_items(tmp_path, monkeypatch):
     recorder.close(20)
     assert recorder.counters["frames"] == 2
     assert recorder.counters["packets"] == 1000
+
+
+def test_pictures_of_another_size_begin_a_new_folder(tmp_path):
+    recorder = Recorder(options(tmp_path), PAPERS)
+    recorder.start()
+    for k in range(20):
+        recorder.frame(Frame(k, k, k, textured(k, *((160, 120) if k < 10 else (80, 60)))))
+    recorder.close()
+    folders = list(tmp_path.iterdir())
+    shapes = [{s.image.shape for s in FlightFolder(f).samples() if isinstance(s, Frame)} for f in folders]
+    assert sorted(shapes, key=str) == [{(120, 160)}, {(60, 80)}]
+    assert recorder.counters["frames"] == 20
