@@ -54,6 +54,7 @@ class Code(StrEnum):
 
     NOTHING_SEEN = "nothing_seen"
     NO_FRAMES = "no_frames"
+    UNCALIBRATED = "uncalibrated"
     NO_ESTIMATE = "no_estimate"
     INCLINATION_UNKNOWN = "inclination_unknown"
     TOO_STEEP = "too_steep"
@@ -69,12 +70,12 @@ class Code(StrEnum):
     GROUND_UNRESOLVED = "ground_unresolved"
     GROUND_NOT_SEEN = "ground_not_seen"
     DWELL = "dwell"
-    UNCALIBRATED = "uncalibrated"
 
 
 MEANING = {
     Code.NOTHING_SEEN: "no estimate has come yet",
     Code.NO_FRAMES: "the camera gives no frames",
+    Code.UNCALIBRATED: "without a calibration of the camera no slope is known",
     Code.NO_ESTIMATE: "this frame has no estimate; its status says why",
     Code.INCLINATION_UNKNOWN: "without an attitude the inclination is unknown",
     Code.TOO_STEEP: "the inclination is above its limit",
@@ -90,7 +91,6 @@ MEANING = {
     Code.GROUND_UNRESOLVED: "from this height one track averages over too much ground",
     Code.GROUND_NOT_SEEN: "too little of the landing area is measured",
     Code.DWELL: "the surface has not been flat for long enough",
-    Code.UNCALIBRATED: "without a calibration of the camera no slope is known",
 }
 
 
@@ -121,6 +121,7 @@ _SURE = {Certainty.CERTAIN: "", Certainty.PROBABLE: "probably ", Certainty.POSSI
 _WORDS = {
     Code.NOTHING_SEEN: "nothing seen yet",
     Code.NO_FRAMES: "no frames",
+    Code.UNCALIBRATED: "the camera is not calibrated",
     Code.NO_ESTIMATE: "no estimate: {status}",
     Code.INCLINATION_UNKNOWN: "inclination unknown without an attitude",
     Code.TOO_STEEP: "too steep: {value:.1f} degrees, limit {limit:.1f}",
@@ -140,7 +141,6 @@ _WORDS = {
         "the ground to land on is not seen: {value:.2f} of it is measured, at least {limit:.2f}"
     ),
     Code.DWELL: "flat for {value:.1f} s only, {limit:.1f} s asked for",
-    Code.UNCALIBRATED: "the camera is not calibrated",
 }
 
 

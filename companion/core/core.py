@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 from companion.core.attitude import BodyAttitude
 from companion.core.frozen_camera import FrozenCamera
 from companion.core.health import Clocks, HealthMonitor
-from companion.core.judge import Judge, LandRequest
+from companion.core.judge import Followed, Judge, LandRequest
 from companion.core.sync import Notice, ReadyFrame, Synchroniser
 from companion.messages.conditions import Condition
 from companion.messages.events import event
 from companion.messages.messages import Message, estimate_message
 from companion.settings.settings import Settings
-from drivers.samples import CommandAnswer, Frame, Heartbeat, LandedState, Refusal, Sample
+from drivers.samples import Frame, Refusal, Sample
 from landing.estimate import SurfaceEstimate
 from landing.ground.landing_area import LandingArea
 from landing.observation import Observation
@@ -65,9 +65,19 @@ class Core:
     """Samples in order of arrival in, outputs out; the same samples give the same outputs, bit for bit.
 
     ``calibrated`` is passed on to the estimates; ``telemetry`` False: a plain video, frames do not wait.
+    ``by_pilot``: the pilot's switch gives the permission, as in flight, and an uncalibrated camera withholds it;
+    otherwise ``landing.enabled`` and ``set_enabled`` give it.
     """
 
-    def __init__(self, settings: Settings, camera: CameraModel, *, calibrated: bool, telemetry: bool) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        camera: CameraModel,
+        *,
+        calibrated: bool,
+        telemetry: bool,
+        by_pilot: bool = False,
+    ) -> None:
         self._camera = camera
         self._calibrated = calibrated
         self._method = settings.estimator.method
@@ -78,7 +88,12 @@ class Core:
         self._health = HealthMonitor(settings.health, telemetry)
         self._health.calibrated = calibrated
         self._frozen = FrozenCamera(settings.health, camera)
-        self._judge = Judge(settings, self._health, LandingArea(camera, settings.decision, settings.tracking))
+        self._judge = Judge(
+            settings,
+            self._health,
+            LandingArea(camera, settings.decision, settings.tracking),
+            by_pilot=by_pilot,
+        )
         self._health_period_us = round(settings.health.period_s * 1e6)
         self._health_due_us: int | None = None
         self._stale: frozenset[str] = frozenset()
@@ -91,13 +106,17 @@ class Core:
         """The user's permission to land; taking it back and giving it again allows another request."""
         self._judge.set_enabled(enabled, self._sync.now_us)
 
+    def hold(self) -> None:
+        """The autopilot is being asked for hold, by us."""
+        self._judge.hold()
+
     def set_decision(self, options: DecisionOptions) -> None:
         """Other limits of the decision from now on."""
         self._pipeline.options = replace(self._pipeline.options, decision=options)
         self._judge.set_decision(options, LandingArea(self._camera, options, self._pipeline.options.tracking))
 
     def set_standing(self, conditions: tuple[Condition, ...]) -> None:
-        """Conditions that stand outside of the core (recording, clock, radio), until others are set."""
+        """Conditions that stand outside of the core (recording, clock, two vehicles), until others are set."""
         self._health.standing = conditions
 
     @property
@@ -114,7 +133,7 @@ class Core:
             self._tell(notice, out)
         for frame in ready:
             self._process(frame, out)
-        if isinstance(sample, Heartbeat | LandedState | CommandAnswer):
+        if isinstance(sample, Followed):
             out += self._judge.follow(sample, self._sync.now_us, self._sync.raw_us())
         self._tick(out)
         return out
@@ -227,7 +246,7 @@ class Core:
 
     def _tell(self, notice: Notice, out: list[Output]) -> None:
         if notice.name == "autopilot_rebooted":
-            self._judge.forget_autopilot()
+            out += self._judge.forget_autopilot(self._sync.raw_us())
             self._pipeline.time_offset.loosen()
         out.append(event(notice.name, self._frame_number, self._sync.raw_us(), details=notice.details))
 

@@ -4,20 +4,24 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from companion.messages.conditions import Code, Condition, condition, forbidding, gravest_first, state_of
+from companion.messages.conditions import Code, Condition, condition, gravest_first, state_of
 from companion.messages.messages import Health, InputHealth
 from companion.settings.settings import HealthSettings
 from drivers.samples import (
     Attitude,
     ClockOffset,
     CommandAnswer,
+    CurrentMode,
     Frame,
     Heartbeat,
     Imu,
     LandedState,
+    ManualControl,
     RcChannels,
     Refusal,
     Sample,
+    StatusText,
+    SystemStatus,
     Velocity,
 )
 
@@ -28,6 +32,10 @@ INPUTS: dict[type, str] = {
     Velocity: "velocity",
     Heartbeat: "heartbeat",
     LandedState: "landed_state",
+    CurrentMode: "current_mode",
+    SystemStatus: "system_status",
+    StatusText: "status_text",
+    ManualControl: "manual_control",
     RcChannels: "rc_channels",
     ClockOffset: "timesync",
     CommandAnswer: "command_answers",
@@ -47,6 +55,10 @@ SOURCES = {
     "LOCAL_POSITION_NED": "velocity",
     "HEARTBEAT": "heartbeat",
     "EXTENDED_SYS_STATE": "landed_state",
+    "CURRENT_MODE": "current_mode",
+    "SYS_STATUS": "system_status",
+    "STATUSTEXT": "status_text",
+    "MANUAL_CONTROL": "manual_control",
     "RC_CHANNELS": "rc_channels",
     "TIMESYNC": "timesync",
 }
@@ -105,8 +117,9 @@ class HealthMonitor:
         self.wrong_size = ""
         """What size the pictures have where it is not the calibration's; empty while it is."""
         self.calibrated = True
+        self.radio_lost = False
         self.standing: tuple[Condition, ...] = ()
-        """Conditions that others found: recording, clock, radio."""
+        """Conditions that others found: recording, clock, two vehicles on the link."""
 
     def count(self, sample: Sample, now_us: int) -> None:
         """Take note of one sample."""
@@ -144,9 +157,9 @@ class HealthMonitor:
             found.append(condition(Code.CLOCKS_UNRELATED))
         return gravest_first(found)
 
-    def forbidding(self) -> tuple[str, ...]:
-        """Standing conditions that forbid a landing whatever the surface is like, in words."""
-        return forbidding(gravest_first(self._constant()))
+    def forbids(self, code: Code) -> bool:
+        """Whether this condition stands now; it forbids a landing whatever the surface is like."""
+        return any(c.code == code for c in self._constant())
 
     def _of_inputs(self, now_us: int) -> Iterator[Condition]:
         for name in self._expected:
@@ -168,6 +181,8 @@ class HealthMonitor:
             yield condition(Code.IMAGE_SIZE, detail=self.wrong_size)
         if not self.calibrated:
             yield condition(Code.UNCALIBRATED)
+        if self.radio_lost:
+            yield condition(Code.RADIO_LOST)
 
     def message(self, now_us: int, time_unix_us: int, clocks: Clocks) -> Health:
         """Health since the last call."""

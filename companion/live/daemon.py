@@ -198,6 +198,7 @@ class Daemon:
         if watched is not None:
             self._message(watched.event)
             if watched.hold and self._commander is not None:
+                self.pipeline.hold()
                 self._commander.hold()
 
     def _alive(self) -> bool:

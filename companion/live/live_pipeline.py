@@ -5,7 +5,6 @@ import math
 import time
 from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -14,8 +13,7 @@ from numpy.typing import NDArray
 
 from companion.core.camera_model import camera_model
 from companion.core.core import Core, Output, Processed
-from companion.core.enable import EnableSwitch
-from companion.messages.conditions import Code, Condition, condition
+from companion.messages.conditions import Condition
 from companion.messages.messages import Event, Health
 from companion.settings.settings import Settings
 from drivers.events import DriverEvent
@@ -53,8 +51,6 @@ class LivePipeline:
         self._counters = counters
         self._size = _size(settings)
         self._core = self._new_core()
-        self._switch = EnableSwitch(settings.landing)
-        self._against_enabling = "nothing came yet"
         self._times_ms: deque[float] = deque(maxlen=TIMES_KEPT)
         self.estimated_at = -math.inf
         """Monotonic time (s) of the newest processed frame."""
@@ -77,7 +73,6 @@ class LivePipeline:
             if isinstance(sample, Frame):
                 self.counted["frames"] += 1
                 self._fit(sample)
-            self._set_enabled(self._switch.feed(sample), sample.arrival_us)
             started = time.perf_counter()
             outputs = self._core.feed(sample)
             self._hand_on(outputs, started)
@@ -102,6 +97,10 @@ class LivePipeline:
             )
         )
 
+    def hold(self) -> None:
+        """The autopilot is being asked for hold, by us."""
+        self._core.hold()
+
     def set_settings(self, settings: Settings) -> None:
         """Other settings of the decision from now on; the rest of them must be the same."""
         if settings.decision != self._settings.decision:
@@ -115,13 +114,8 @@ class LivePipeline:
     def _new_core(self) -> Core:
         self._camera, self._calibrated = camera_model(self._settings.camera, *self._size)
         telemetry = bool(self._settings.mavlink.connection)
-        # The pilot's switch decides, not the settings alone.
-        landing = replace(self._settings.landing, enabled=False)
         return Core(
-            replace(self._settings, landing=landing),
-            self._camera,
-            calibrated=self._calibrated,
-            telemetry=telemetry,
+            self._settings, self._camera, calibrated=self._calibrated, telemetry=telemetry, by_pilot=True
         )
 
     def _fit(self, frame: Frame) -> None:
@@ -130,23 +124,10 @@ class LivePipeline:
         if not self._settings.camera.calibration and (width, height) != self._size:
             self._size = (width, height)
             self._core = self._new_core()
-            self._core.set_enabled(not self._against_enabling)
-
-    def _set_enabled(self, wanted: bool, time_us: int) -> None:
-        """What the pilot wants, as far as it is safe; every change is told."""
-        against = "" if wanted else self._switch.reason
-        if against == self._against_enabling:
-            return
-        self._against_enabling = against
-        self._core.set_enabled(not against)
-        name = "landing_disabled" if against else "landing_enabled"
-        text = f"landing is not enabled: {against}" if against else "landing is enabled"
-        self.tell(DriverEvent(name, "info", text, time_us))
 
     def _stand(self) -> None:
         """Let the core know what stands outside of it."""
-        radio = (condition(Code.RADIO_LOST),) if self._switch.radio_lost else ()
-        self._core.set_standing((*self._conditions(), *radio))
+        self._core.set_standing(self._conditions())
 
     def _hand_on(self, outputs: list[Output], started: float) -> None:
         if any(isinstance(output, Processed) for output in outputs):

@@ -99,8 +99,3 @@ def state_of(conditions: Iterable[Condition]) -> str:
     """Health in one word: "failed" with an error, "degraded" with a warning, "ok" without any."""
     severities = {c.severity for c in conditions}
     return "failed" if "error" in severities else "degraded" if severities else "ok"
-
-
-def forbidding(conditions: Iterable[Condition]) -> tuple[str, ...]:
-    """The words of those that forbid a landing by themselves."""
-    return tuple(c.text for c in conditions if c.forbids_landing)

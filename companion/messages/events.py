@@ -6,6 +6,8 @@ from companion.messages.messages import Event
 
 EVENTS = {
     "decision_changed": ("info", "the verdict on the surface below changed"),
+    "landing_enabled": ("info", "landing is enabled"),
+    "landing_disabled": ("info", "landing is not enabled"),
     "landing_requested": ("info", "a request to land went out"),
     "clock_settled": ("info", "the autopilot's and the companion's clocks are related"),
     "autopilot_rebooted": ("error", "the autopilot's boot time fell back: it started anew"),
@@ -19,6 +21,8 @@ EVENTS = {
     "attitude_back": ("info", "frames have an attitude again"),
     "second_vehicle": ("error", "a second vehicle speaks on the link"),
     "input_stale": ("warning", "an input stopped"),
+    "settings_reloaded": ("info", "settings were read again"),
+    "settings_refused": ("error", "settings could not be read again; the old ones stay in force"),
     "input_back": ("info", "an input came back"),
     "landing_in_progress": ("info", "the autopilot works on the command to land"),
     "landing_accepted": ("info", "the autopilot accepted the command to land"),
@@ -46,8 +50,6 @@ EVENTS = {
     "recording_failed": ("error", "the recording could not be written; it is tried again"),
     "recording_continued": ("info", "a flight folder has its size, the recording goes on in a new one"),
     "recording_deleted": ("info", "the oldest flight folder made room"),
-    "settings_reloaded": ("info", "changed settings are in force"),
-    "settings_refused": ("error", "changed settings are wrong, the present ones stay in force"),
 }
 """Name -> (severity, meaning)."""
 

@@ -211,6 +211,12 @@ class LandingSettings:
     enable_modes: Annotated[
         tuple[str, ...], Meaning("flight modes that act as the pilot's switch; empty: none")
     ] = ()
+    vehicle_types: Annotated[
+        tuple[str, ...],
+        Meaning(
+            'vehicles beside multicopters and hovering VTOLs that may be landed, as "FIXED_WING" of MAV_TYPE'
+        ),
+    ] = ()
     stick_limit_us: Annotated[
         int, Limits(0, 600, "us", "stick movement that ends the permission; 0: never")
     ] = 300
@@ -251,11 +257,11 @@ class RecordSettings:
         500
     )
     max_total_mb: Annotated[
-        int, Limits(0, 100_000_000, "MB", "size of all flight folders together; 0: no limit")
+        int, Limits(0, 100_000_000, "MB", "maximum size of all flight folders together; 0: no limit")
     ] = 0
     when_full: Annotated[
         Literal["stop", "delete_oldest"],
-        Meaning("at record.max_total_mb or record.min_free_mb: record no more, or delete the oldest flights"),
+        Meaning("at record.max_total_mb or record.min_free_mb: stop recording, or delete the oldest flights"),
     ] = "stop"
     mcap: Annotated[bool, Meaning("also write flight.mcap for Foxglove (needs the extra 'record')")] = False
 
