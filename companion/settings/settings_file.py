@@ -29,6 +29,10 @@ from landing.options import Limits
 T = typing.TypeVar("T")
 DEFAULT = "default"
 OVERRIDE = "--set"
+LONGEST_FILE = 1_000_000
+DEEPEST = 20
+LONGEST_SHOWN = 60
+"""Characters of a wrong value that an error shows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +116,7 @@ def load(file: Path | None, overrides: Sequence[str] = ()) -> LoadedSettings:
     if file is not None:
         text = _read(file)
         lines = _lines(text)
-        for path, raw in _flatten(_parse(file, text), known):
+        for path, raw in _flatten(parse_toml(text, file), known):
             where = f"{file}:{lines[path]}" if path in lines else str(file)
             take(path, raw, file.parent, where, where)
     for override in overrides:
@@ -223,11 +227,32 @@ def _read(file: Path) -> str:
         raise SettingsError(f"{file}: cannot be read as UTF-8 text: {error}") from None
 
 
-def _parse(file: Path, text: str) -> dict[str, Any]:
+def parse_toml(text: str, where: object) -> dict[str, Any]:
+    """TOML as tables; SettingsError in one line for what is none, or is made to take long or to nest without end."""
+    if len(text) > LONGEST_FILE:
+        raise SettingsError(f"{where}: {len(text)} characters are no settings file, at most {LONGEST_FILE}")
     try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise SettingsError(f"{file}: is not TOML: {error}") from None
+        table = tomllib.loads(text)
+        if _depth(table) > DEEPEST:
+            raise RecursionError
+    except RecursionError:
+        raise SettingsError(f"{where}: is nested too deeply: at most {DEEPEST} levels") from None
+    except ValueError as error:  # a TOMLDecodeError, or an integer of too many digits
+        raise SettingsError(f"{where}: is not TOML: {error}") from None
+    return table
+
+
+def _depth(value: Any) -> int:
+    """Levels of tables and lists, no further than what is too deep."""
+    level, depth = [value], 0
+    while level and depth <= DEEPEST:
+        level = [
+            child
+            for item in level
+            for child in (item.values() if isinstance(item, dict) else item if isinstance(item, list) else ())
+        ]
+        depth += 1
+    return depth
 
 
 def _flatten(table: dict[str, Any], known: dict[str, Entry], prefix: str = "") -> Iterator[tuple[str, Any]]:
@@ -263,8 +288,8 @@ def _override(text: str, known: dict[str, Entry]) -> tuple[str, Any]:
     if not equals:
         raise ValueError("write section.key=value")
     try:
-        value = tomllib.loads(f"v = {raw}")["v"]
-    except tomllib.TOMLDecodeError:
+        value = parse_toml(f"v = {raw}", path)["v"]
+    except SettingsError:
         value = raw
     kind = known[path].type if path in known else None
     if typing.get_origin(kind) is tuple and not isinstance(value, list):
@@ -281,19 +306,29 @@ def _checked(known: dict[str, Entry], path: str, raw: Any, directory: Path) -> A
     entry = known[path]
     try:
         value = msgspec.convert(raw, entry.type, strict=True)
-    except msgspec.ValidationError:
-        near = _nearest(str(raw), [str(a) for a in typing.get_args(entry.type)])
-        raise ValueError(f"{path} must be {type_name(entry)}, not {written(raw)}{near}") from None
+    except (msgspec.ValidationError, OverflowError):
+        near = _nearest(_shown(raw), [str(a) for a in typing.get_args(entry.type)])
+        raise ValueError(f"{path} must be {type_name(entry)}, not {_shown(raw)}{near}") from None
     for number in value if isinstance(value, tuple) else (value,):
         if entry.limits and number is not None and not entry.limits.low <= number <= entry.limits.high:
             unit = f" {entry.unit}" if entry.unit else ""
             low, high = entry.limits.low, entry.limits.high
-            raise ValueError(f"{path} = {written(number)} is outside its limits {low:g} to {high:g}{unit}")
+            raise ValueError(f"{path} = {_shown(number)} is outside its limits {low:g} to {high:g}{unit}")
         if isinstance(number, float) and not math.isfinite(number):
             raise ValueError(f"{path} = {number} is not a finite number")
     if entry.is_file and value and not (entry.or_key and is_key(value)):
         return str((directory / Path(value).expanduser()).absolute())
     return value
+
+
+def _shown(value: Any) -> str:
+    """A value as TOML writes it, in one line that can be read."""
+    try:
+        text = written(value)
+    except ValueError:  # an integer of more digits than Python writes
+        return "a number of too many digits"
+    text = " ".join(text.split())
+    return text if len(text) <= LONGEST_SHOWN else text[:LONGEST_SHOWN] + "..."
 
 
 def _unknown(path: str, known: dict[str, Entry]) -> str:
