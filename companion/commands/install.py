@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from companion.commands.table import installed_documents
 from companion.errors import LandslopeError
 from companion.install.install import (
     DEFAULT_PREFIX,
@@ -43,7 +44,12 @@ def run(args: argparse.Namespace) -> int:
             "--purge deletes settings and flights and goes with --uninstall alone: nothing was done"
         )
     options = InstallOptions(
-        args.prefix, args.root, args.package, args.system_site_packages, enable=not args.no_enable
+        args.prefix,
+        args.root,
+        args.package,
+        args.system_site_packages,
+        enable=not args.no_enable,
+        documents={} if args.uninstall else installed_documents(),
     )
     if not args.dry_run:
         check_rights(options)

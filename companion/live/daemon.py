@@ -23,7 +23,7 @@ from companion.messages.preview import PreviewPublisher
 from companion.settings.settings import Settings
 from drivers.errors import DriverError
 from drivers.events import DriverEvent
-from drivers.samples import CommandAnswer, Imu, Sample
+from drivers.samples import CommandAnswer, Heartbeat, Imu, Sample
 from drivers.system.host_clock import has_date, now_us
 from drivers.system.service_manager import ServiceManager
 
@@ -65,7 +65,7 @@ class Daemon:
             stack.callback(self.recording.close)
             self.pipeline = LivePipeline(settings, self._output, self._conditions, self.counters)
             self._report = GroundReport(settings.mavlink, self.pipeline.body_from_camera)
-            self._watch = LandingWatch(settings.landing)
+            self._watch = LandingWatch(settings.landing, settings.decision.dwell_s)
             self._publisher = stack.enter_context(Publisher(settings, retry=True))
             self._preview = PreviewPublisher(self._publisher.bus, settings.preview)
             stack.callback(self._preview.close)
@@ -166,6 +166,8 @@ class Daemon:
             for sample in samples:
                 if isinstance(sample, Imu):
                     self._report.gyro(sample)
+                elif isinstance(sample, Heartbeat):
+                    self._report.autopilot = sample.autopilot
 
     def _output(self, output: Output) -> None:
         if isinstance(output, LandRequest):
@@ -210,6 +212,12 @@ class Daemon:
         found = list(self.recording.conditions())
         if self._link is not None and self._link.ambiguous:
             found.append(condition(Code.TWO_VEHICLES))
+        if self._link is not None:
+            wanted = self._link.rates.wanted_hz
+            for name, hz in self._link.slow.items():
+                found.append(condition(Code.RATE_TOO_LOW, name, f"{hz:.1f} Hz of {wanted[name]:g}"))
+            if self._link.unsigned_only:
+                found.append(condition(Code.UNSIGNED))
         if not has_date():
             found.append(condition(Code.CLOCK_WITHOUT_DATE))
         return tuple(found)

@@ -5,7 +5,8 @@ from typing import Annotated, Literal
 
 from companion.settings.marks import FilePath, Meaning, UserSettings
 from companion.settings.publishing import PreviewSettings, VehicleSettings, ZenohSettings
-from landing.options import DecisionOptions, EstimatorOptions, Limits, TrackingOptions
+from companion.settings.record_settings import RecordSettings
+from landing.options import DecisionOptions, EstimatorOptions, GroundOptions, Limits, TrackingOptions
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +24,15 @@ class CameraSettings:
         float, Limits(10, 150, "deg", "field of view across the image assumed without a calibration")
     ] = 60.0
     time_offset_s: Annotated[float, Limits(-0.5, 0.5, "s", "delay of the frames' time stamps")] = 0.0
+    readout_s: Annotated[
+        float | Literal["unknown"],
+        Limits(
+            -0.1,
+            0.1,
+            "s",
+            "rolling shutter, first row to last; 0: global shutter, negative: last row first; unknown: estimated",
+        ),
+    ] = "unknown"
     width: Annotated[int, Limits(0, 4096, "px", "requested image width; 0: the camera's default")] = 0
     height: Annotated[int, Limits(0, 4096, "px", "requested image height; 0: the camera's default")] = 0
     rate_hz: Annotated[float, Limits(0, 240, "Hz", "requested frame rate; 0: the camera's default")] = 0.0
@@ -238,35 +248,6 @@ class LandingSettings:
 
 
 @dataclass(frozen=True, slots=True)
-class RecordSettings:
-    """Whether and how flights are recorded, as folders that a replay plays back."""
-
-    directory: Annotated[
-        str, FilePath("directory for recorded flights; empty: nothing is recorded", must_exist=False)
-    ] = ""
-    when: Annotated[
-        Literal["armed", "always", "manual"],
-        Meaning("record while armed, always, or from SIGUSR1 to SIGUSR2"),
-    ] = "armed"
-    after_disarm_s: Annotated[float, Limits(0, 600, "s", "time that recording continues after disarming")] = (
-        5.0
-    )
-    jpeg_quality: Annotated[int, Limits(50, 100, "", "JPEG quality of the recorded frames")] = 95
-    max_flight_mb: Annotated[int, Limits(1, 1_000_000, "MB", "size at which a new folder is begun")] = 4000
-    min_free_mb: Annotated[int, Limits(1, 1_000_000, "MB", "free space below which nothing is recorded")] = (
-        500
-    )
-    max_total_mb: Annotated[
-        int, Limits(0, 100_000_000, "MB", "maximum size of all flight folders together; 0: no limit")
-    ] = 0
-    when_full: Annotated[
-        Literal["stop", "delete_oldest"],
-        Meaning("at record.max_total_mb or record.min_free_mb: stop recording, or delete the oldest flights"),
-    ] = "stop"
-    mcap: Annotated[bool, Meaning("also write flight.mcap for Foxglove (needs the extra 'record')")] = False
-
-
-@dataclass(frozen=True, slots=True)
 class Settings:
     """All sections."""
 
@@ -331,3 +312,13 @@ class Settings:
     landing: LandingSettings = field(default_factory=LandingSettings)
     record: RecordSettings = field(default_factory=RecordSettings)
     preview: PreviewSettings = field(default_factory=PreviewSettings)
+
+    @property
+    def ground(self) -> GroundOptions:
+        """The ground map's options: what the vehicle can stand on, and the decision's limits."""
+        return GroundOptions(
+            landing_radius_m=self.vehicle.landing_radius_m,
+            max_step_m=self.vehicle.max_step_m,
+            max_inclination_deg=self.decision.max_inclination_deg,
+            sigmas=self.decision.sigmas,
+        )

@@ -8,8 +8,6 @@ import dataclasses
 import difflib
 import functools
 import math
-import re
-import tomllib
 import types
 import typing
 from collections.abc import Collection, Iterator, Sequence
@@ -23,16 +21,14 @@ from companion.errors import SettingsError
 from companion.settings.marks import FilePath, UserSettings
 from companion.settings.moved import MOVED
 from companion.settings.settings import Settings
+from companion.settings.toml_text import line_numbers, parse_toml, read_text, shown, written
 from drivers.secrets import is_key
+from landing.decision.permission import AUTOMATIC_MODES
 from landing.options import Limits
 
 T = typing.TypeVar("T")
 DEFAULT = "default"
 OVERRIDE = "--set"
-LONGEST_FILE = 1_000_000
-DEEPEST = 20
-LONGEST_SHOWN = 60
-"""Characters of a wrong value that an error shows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +49,10 @@ class Entry:
     def unit(self) -> str:
         """The unit, empty where there is none."""
         return self.limits.unit if self.limits else ""
+
+
+ENABLE_MODES = "landing.enable_modes"
+MODE_SETTINGS = frozenset({ENABLE_MODES, "landing.allowed_modes"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,8 +114,8 @@ def load(file: Path | None, overrides: Sequence[str] = ()) -> LoadedSettings:
             faults.append(f"{where}: {fault}")
 
     if file is not None:
-        text = _read(file)
-        lines = _lines(text)
+        text = read_text(file)
+        lines = line_numbers(text)
         for path, raw in _flatten(parse_toml(text, file), known):
             where = f"{file}:{lines[path]}" if path in lines else str(file)
             take(path, raw, file.parent, where, where)
@@ -158,17 +158,6 @@ def value_of(settings: Settings, path: str) -> Any:
     return value
 
 
-def written(value: Any) -> str:
-    """A value as TOML writes it."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    if isinstance(value, (tuple, list)):
-        return "[" + ", ".join(map(written, value)) + "]"
-    return "" if value is None else str(value)
-
-
 def type_name(entry: Entry) -> str:
     """What may be written there, in words."""
     origin = typing.get_origin(entry.type)
@@ -180,7 +169,8 @@ def type_name(entry: Entry) -> str:
         )
     names = {bool: "true or false", int: "an integer", float: "a number", str: "a string"}
     members = [t for t in _members(entry.type) if t is not type(None)]
-    return " or ".join(names.get(member, str(member)) for member in members)
+    words = (written(typing.get_args(t)[0]) if typing.get_origin(t) is Literal else None for t in members)
+    return " or ".join(word or names.get(t, str(t)) for word, t in zip(words, members, strict=True))
 
 
 def _entry(path: str, hint: Any, default: Any, internal: bool) -> Entry:
@@ -218,43 +208,6 @@ def _members(kind: Any) -> tuple[Any, ...]:
     return typing.get_args(kind) if typing.get_origin(kind) in (typing.Union, types.UnionType) else (kind,)
 
 
-def _read(file: Path) -> str:
-    try:
-        return file.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise SettingsError(f"{file}: there is no such settings file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise SettingsError(f"{file}: cannot be read as UTF-8 text: {error}") from None
-
-
-def parse_toml(text: str, where: object) -> dict[str, Any]:
-    """TOML as tables; SettingsError in one line for what is none, or is made to take long or to nest without end."""
-    if len(text) > LONGEST_FILE:
-        raise SettingsError(f"{where}: {len(text)} characters are no settings file, at most {LONGEST_FILE}")
-    try:
-        table = tomllib.loads(text)
-        if _depth(table) > DEEPEST:
-            raise RecursionError
-    except RecursionError:
-        raise SettingsError(f"{where}: is nested too deeply: at most {DEEPEST} levels") from None
-    except ValueError as error:  # a TOMLDecodeError, or an integer of too many digits
-        raise SettingsError(f"{where}: is not TOML: {error}") from None
-    return table
-
-
-def _depth(value: Any) -> int:
-    """Levels of tables and lists, no further than what is too deep."""
-    level, depth = [value], 0
-    while level and depth <= DEEPEST:
-        level = [
-            child
-            for item in level
-            for child in (item.values() if isinstance(item, dict) else item if isinstance(item, list) else ())
-        ]
-        depth += 1
-    return depth
-
-
 def _flatten(table: dict[str, Any], known: dict[str, Entry], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Leaves of the file by dotted path; a table where a setting is known stays whole."""
     for name, value in table.items():
@@ -267,18 +220,6 @@ def _flatten(table: dict[str, Any], known: dict[str, Entry], prefix: str = "") -
 
 def _is_section(path: str, known: dict[str, Entry]) -> bool:
     return any(name.startswith(path + ".") for name in known)
-
-
-def _lines(text: str) -> dict[str, int]:
-    """Line numbers of ``key = value`` lines by dotted path (tomllib keeps none)."""
-    found: dict[str, int] = {}
-    section = ""
-    for number, line in enumerate(text.splitlines(), 1):
-        if header := re.match(r"\s*\[\s*([\w.\s\"'-]+?)\s*\]", line):
-            section = re.sub(r"[\s\"']", "", header[1]) + "."
-        elif key := re.match(r"\s*([\w.\s\"'-]+?)\s*=", line):
-            found.setdefault(section + re.sub(r"[\s\"']", "", key[1]), number)
-    return found
 
 
 def _override(text: str, known: dict[str, Entry]) -> tuple[str, Any]:
@@ -307,28 +248,42 @@ def _checked(known: dict[str, Entry], path: str, raw: Any, directory: Path) -> A
     try:
         value = msgspec.convert(raw, entry.type, strict=True)
     except (msgspec.ValidationError, OverflowError):
-        near = _nearest(_shown(raw), [str(a) for a in typing.get_args(entry.type)])
-        raise ValueError(f"{path} must be {type_name(entry)}, not {_shown(raw)}{near}") from None
+        near = _nearest(shown(raw), [str(a) for a in typing.get_args(entry.type)])
+        raise ValueError(f"{path} must be {type_name(entry)}, not {shown(raw)}{near}") from None
     for number in value if isinstance(value, tuple) else (value,):
+        if isinstance(number, str):
+            continue
         if entry.limits and number is not None and not entry.limits.low <= number <= entry.limits.high:
             unit = f" {entry.unit}" if entry.unit else ""
             low, high = entry.limits.low, entry.limits.high
-            raise ValueError(f"{path} = {_shown(number)} is outside its limits {low:g} to {high:g}{unit}")
+            raise ValueError(f"{path} = {shown(number)} is outside its limits {low:g} to {high:g}{unit}")
         if isinstance(number, float) and not math.isfinite(number):
             raise ValueError(f"{path} = {number} is not a finite number")
+    if path in MODE_SETTINGS:
+        return _modes(path, value)
     if entry.is_file and value and not (entry.or_key and is_key(value)):
         return str((directory / Path(value).expanduser()).absolute())
     return value
 
 
-def _shown(value: Any) -> str:
-    """A value as TOML writes it, in one line that can be read."""
-    try:
-        text = written(value)
-    except ValueError:  # an integer of more digits than Python writes
-        return "a number of too many digits"
-    text = " ".join(text.split())
-    return text if len(text) <= LONGEST_SHOWN else text[:LONGEST_SHOWN] + "..."
+def _modes(path: str, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Flight modes by the names that heartbeats are read by; ValueError for one that no autopilot has."""
+    from drivers.mavlink.flight_modes import (  # pymavlink, for those who name modes
+        canonical_mode,
+        known_modes,
+    )
+
+    found = {name: canonical_mode(name) for name in names}
+    for name, mode in found.items():
+        if mode is None:
+            near = _nearest(name.upper(), sorted(known_modes()))
+            raise ValueError(f"{path}: {written(name)} is no flight mode of ArduPilot or PX4{near}")
+        if path == ENABLE_MODES and mode in AUTOMATIC_MODES:
+            raise ValueError(
+                f"{path}: {mode} is a mode that the autopilot enters by itself, so it enables nothing; "
+                "name one that the pilot chooses"
+            )
+    return tuple(mode for mode in found.values() if mode is not None)
 
 
 def _unknown(path: str, known: dict[str, Entry]) -> str:

@@ -9,7 +9,8 @@ from typing import Annotated, Any, Literal
 from companion.errors import SettingsError
 from companion.settings.marks import Meaning
 from companion.settings.settings import Settings
-from companion.settings.settings_file import load, parse_toml, read_section, written
+from companion.settings.settings_file import load, read_section
+from companion.settings.toml_text import parse_toml, written
 from drivers.errors import DriverError
 from drivers.simulated.world.world import World, build_world
 from landing.options import Limits

@@ -1,4 +1,4 @@
-"""Cameras to test against: an MJPEG server, an RTSP server, and frames with texture, and a recorder of them."""
+"""Cameras to test against: an MJPEG server, an RTSP server, and frames with texture."""
 
 import socket
 import socketserver
@@ -14,8 +14,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from places import REPOSITORY
-
-from drivers.files.recorder import FlightPapers, Recorder, RecorderOptions
 
 SITL_LOGS = REPOSITORY / "sitl_logs"
 
@@ -167,23 +165,3 @@ def rtsp_server(video: Path) -> Iterator[str]:
         threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True).start()
         yield f"rtsp://127.0.0.1:{server.server_address[1]}/live"
         server.shutdown()
-
-
-PAPERS = FlightPapers(settings="[vehicle]\nsystem_id = 1\n", calibration="")
-START_US = 1_795_299_001_000_000
-STEP_US = 33_333
-
-
-def options(directory: Path, **changes) -> RecorderOptions:
-    return RecorderOptions(directory, **{"min_free_bytes": 1_000_000, **changes})
-
-
-def await_event(recorder: Recorder, name: str) -> str:
-    """The text of the first event of that name."""
-    until = time.monotonic() + 20
-    while time.monotonic() < until:
-        for event in recorder.events():
-            if event.event == name:
-                return event.text
-        time.sleep(0.02)
-    raise AssertionError(f"no event {name}")

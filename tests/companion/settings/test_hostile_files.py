@@ -6,7 +6,8 @@ import time
 import pytest
 
 from companion.cli import main
-from companion.settings.settings_file import DEEPEST, load
+from companion.settings.settings_file import load
+from companion.settings.toml_text import DEEPEST
 
 HOSTILE = {
     "lists": "a = " + "[" * 5000 + "]" * 5000,

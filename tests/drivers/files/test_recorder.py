@@ -2,26 +2,42 @@
 
 import csv
 import json
-import signal
+import shutil
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
-import cv2
 import numpy as np
-from camera_support import PAPERS, SITL_LOGS, START_US, STEP_US, await_event, options, textured
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from camera_support import SITL_LOGS, textured
 from places import SUPPORT
 
 import drivers.files.flight_writer
 from drivers.files.flight_folder import FlightFolder
-from drivers.files.matroska import JpegMatroska
-from drivers.files.recorder import Recorder
+from drivers.files.recorder import FlightPapers, Recorder, RecorderOptions
 from drivers.files.tlog import GARBAGE, bytes_of, records
 from drivers.files.video_file import VideoFile
 from drivers.samples import Attitude, Frame, Refusal
+
+PAPERS = FlightPapers(settings="[vehicle]\nsystem_id = 1\n", calibration="")
+START_US = 1_795_298_557_000_000
+STEP_US = 33_333
+
+
+def options(directory: Path, **changes) -> RecorderOptions:
+    return RecorderOptions(directory, **{"min_free_bytes": 1_000_000, **changes})
+
+
+def await_event(recorder: Recorder, name: str) -> str:
+    """The text of the first event of that name."""
+    until = time.monotonic() + 20
+    while time.monotonic() < until:
+        for event in recorder.events():
+            if event.event == name:
+                return event.text
+        time.sleep(0.02)
+    raise AssertionError(f"no event {name}")
 
 
 def test_a_recording_is_a_flight_that_is_read_back_whole(tmp_path):
@@ -73,91 +89,6 @@ def test_starting_and_stopping_makes_a_folder_each(tmp_path):
     assert len(list(tmp_path.iterdir())) == 3
 
 
-WRITER = """
-import sys, time
-sys.path.insert(0, {tests!r})
-from pathlib import Path
-from camera_support import textured
-from drivers.files.recorder import *
-from drivers.samples import Frame
-recorder = Recorder(RecorderOptions(Path({directory!r}), min_free_bytes=1), FlightPapers("[vehicle]\\n"))
-recorder.start()
-pictures = [textured(k) for k in range(50)]
-number = 0
-while True:
-    now = time.time_ns() // 1000
-    recorder.frame(Frame(number, now, now, pictures[number % 50]))
-    recorder.mavlink(now, bytes.fromhex("fd0000000001010000000000"))
-    number += 1
-    print(number, now, flush=True)
-    time.sleep(0.02)
-"""
-
-
-def test_a_killed_recorder_leaves_all_but_the_last_second(tmp_path):
-    code = WRITER.format(tests=str(SUPPORT), directory=str(tmp_path))
-    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as process:
-        said = [process.stdout.readline() for _ in range(110)]
-        process.send_signal(signal.SIGKILL)
-        said += process.stdout.readlines()
-    last_us = int([line for line in said if line.count(" ") == 1][-1].split()[1])
-    (folder,) = tmp_path.iterdir()
-    rows = (folder / "frames.csv").read_text().splitlines()[1:]
-    images = list(VideoFile(folder / "camera.mkv").images())
-    assert len(images) >= len(rows) > 20
-    assert last_us - int(rows[-1].split(",")[1]) < 1_000_000
-    frames = [sample for sample in FlightFolder(folder).samples() if isinstance(sample, Frame)]
-    assert len(frames) == len(rows)
-    tlog = bytes_of(folder / "vehicle.tlog")
-    assert last_us - int.from_bytes(tlog[(len(tlog) // 20 - 1) * 20 :][:8], "big") < 1_000_000
-
-
-def test_what_was_forced_to_the_disk_is_never_older_than_a_second(tmp_path, monkeypatch):
-    """A power cut keeps what fsync has returned for; here the sizes at that moment are taken down."""
-    forced: dict[str, tuple[int, float]] = {}
-    real = drivers.files.flight_writer._force
-
-    def force(file) -> None:
-        real(file)
-        forced[Path(file.name).name] = (file.tell(), time.monotonic())
-
-    monkeypatch.setattr(drivers.files.flight_writer, "_force", force)
-    recorder = Recorder(options(tmp_path, sync_interval_s=0.2), PAPERS)
-    recorder.start()
-    for k in range(60):
-        recorder.frame(Frame(k, START_US + k, START_US + k, textured(k)))
-        time.sleep(0.02)
-    now, at_cut = time.monotonic(), dict(forced)
-    folder = recorder.folder
-    cut = tmp_path / "cut"
-    cut.mkdir()
-    for name, (size, _) in at_cut.items():
-        (cut / name).write_bytes((folder / name).read_bytes()[:size])
-    recorder.close()
-    assert now - at_cut["camera.mkv"][1] < 1.0
-    assert now - at_cut["frames.csv"][1] < 1.0
-    rows = (cut / "frames.csv").read_text().splitlines()[1:]
-    assert len(rows) > 30
-    assert len(list(VideoFile(cut / "camera.mkv").images())) >= len(rows)
-
-
-@settings(max_examples=25, deadline=None)
-@given(part=st.floats(0.2, 1.0), width=st.integers(16, 96), height=st.integers(16, 96))
-def test_a_video_cut_anywhere_is_a_shorter_video(tmp_path_factory, part, width, height):
-    path = tmp_path_factory.mktemp("cut") / "camera.mkv"
-    lengths = []
-    with path.open("wb") as file:
-        video = JpegMatroska(file, width, height, 10.0)
-        for k in range(25):
-            assert video.write(cv2.imencode(".jpg", textured(k, width, height))[1].tobytes()) == k
-            lengths.append(file.tell())
-    path.write_bytes(path.read_bytes()[: max(lengths[0], int(part * lengths[-1]))])
-    whole = sum(length <= path.stat().st_size for length in lengths)
-    images = list(VideoFile(path).images())
-    assert [index for index, _ in images][:whole] == list(range(whole))
-    assert all(image.shape == (height, width) for _, image in images)
-
-
 FULL = """
 import resource, sys, time
 sys.path.insert(0, {tests!r})
@@ -198,16 +129,130 @@ def test_a_disk_that_takes_no_more_stops_the_recording_until_it_takes_more_and_n
     assert len(list(VideoFile(folder / "camera.mkv").images())) >= 3
 
 
+def record_until(recorder: Recorder, condition) -> None:
+    """Frames, until the condition holds."""
+    until, k = time.monotonic() + 20, 0
+    while not condition():
+        assert time.monotonic() < until
+        recorder.frame(Frame(k, START_US + k, START_US + k, textured(k % 50)))
+        k += 1
+        time.sleep(0.002)
+
+
+def test_a_recording_goes_on_in_a_new_folder_when_its_size_is_reached(tmp_path):
+    recorder = Recorder(options(tmp_path, sync_interval_s=0.02, max_flight_bytes=30_000), PAPERS)
+    recorder.start()
+    record_until(recorder, lambda: len(list(tmp_path.iterdir())) >= 4)
+    assert recorder.recording
+    recorder.close()
+    names = [event.event for event in recorder.events()]
+    assert names.count("recording_continued") >= 3
+    folders = sorted(tmp_path.iterdir(), key=lambda path: path.stat().st_mtime)
+    frames = [
+        len([s for s in FlightFolder(f).samples() if isinstance(s, Frame)]) for f in folders if _frames(f)
+    ]
+    assert sum(frames) == recorder.counters["frames"], "none is lost at a change of folders"
+    assert all((folder / "landslope.toml").read_text() == PAPERS.settings for folder in folders)
+
+
+def _frames(folder: Path) -> bool:
+    return (folder / "camera.mkv").exists() and (folder / "frames.csv").read_text().count("\n") > 1
+
+
+def size_of(directory: Path) -> int:
+    return sum(file.stat().st_size for file in directory.rglob("*") if file.is_file())
+
+
+def test_a_limit_for_all_flights_is_kept_by_deleting_the_oldest_that_we_recorded(tmp_path):
+    limit = 150_000
+    foreign = tmp_path / "20200101T000000Z"  # a name like ours, but no flight
+    foreign.mkdir()
+    (foreign / "thesis.tex").write_text("years of work")
+    changes = {"sync_interval_s": 0.02, "max_flight_bytes": 30_000, "max_total_bytes": limit}
+    recorder = Recorder(options(tmp_path, delete_oldest=True, **changes), PAPERS)
+    recorder.start()
+    record_until(recorder, lambda: recorder.counters["folders deleted"] >= 3)
+    assert recorder.recording
+    recorder.close()
+    assert size_of(tmp_path) < limit + 60_000, "the limit, and what two intervals bring"
+    assert (foreign / "thesis.tex").exists()
+    assert len([e for e in recorder.events() if e.event == "recording_deleted"]) >= 3
+
+
+def test_a_limit_for_all_flights_stops_the_recording_which_goes_on_when_there_is_room(tmp_path):
+    changes = {"sync_interval_s": 0.02, "max_total_bytes": 60_000, "retry_s": 0.05}
+    recorder = Recorder(options(tmp_path, **changes), PAPERS)
+    recorder.start()
+    record_until(recorder, lambda: recorder.stopped)
+    assert "record.max_total_mb" in recorder.stopped
+    assert not recorder.recording
+    size = size_of(tmp_path)
+    for k in range(20):
+        recorder.frame(Frame(k, k, k, textured(k)))
+    time.sleep(0.1)
+    assert size_of(tmp_path) == size
+    shutil.rmtree(next(tmp_path.iterdir()))
+    record_until(recorder, lambda: recorder.recording and not recorder.stopped)
+    recorder.close()
+    names = [event.event for event in recorder.events()]
+    assert names.count("recording_stopped") >= 1
+    assert names[-2:] == ["recording_started", "recording_stopped"]
+
+
+def test_space_that_runs_out_stops_the_recording_and_space_that_is_back_resumes_it(tmp_path, monkeypatch):
+    usage = shutil.disk_usage(tmp_path)
+    recorder = Recorder(options(tmp_path, sync_interval_s=0.02, retry_s=0.05), PAPERS)
+    recorder.start()
+    await_event(recorder, "recording_started")
+    monkeypatch.setattr(shutil, "disk_usage", lambda path: usage._replace(free=10))
+    assert "record.min_free_mb" in await_event(recorder, "recording_stopped")
+    assert "record.min_free_mb" in recorder.stopped
+    time.sleep(0.2)
+    assert recorder.events() == [], "said once"
+    monkeypatch.undo()
+    await_event(recorder, "recording_started")
+    assert recorder.recording
+    recorder.close()
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_disk_that_is_too_full_from_the_start_is_reported(tmp_path):
+    recorder = Recorder(options(tmp_path, sync_interval_s=0.05, min_free_bytes=10**18), PAPERS)
+    recorder.start()
+    assert "min_free_mb" in await_event(recorder, "recording_refused")
+    assert not recorder.recording
+    recorder.close()
+
+
+def test_the_queue_is_bounded_by_bytes_not_by_items(tmp_path, monkeypatch):
+    held = threading.Event()
+    monkeypatch.setattr(drivers.files.flight_writer, "_force", lambda file: held.wait(20))
+    recorder = Recorder(options(tmp_path, max_waiting_bytes=3_000_000, sync_interval_s=0.01), PAPERS)
+    recorder.start()
+    big = np.zeros((1000, 1000), np.uint8)
+    for k in range(30):
+        recorder.frame(Frame(k, k, k, big))
+    assert recorder.counters["dropped"] == 28
+    for _ in range(1000):
+        recorder.mavlink(1, bytes(40))
+    assert recorder.counters["dropped"] == 28, "telemetry still fits"
+    held.set()
+    recorder.close(20)
+    assert recorder.counters["frames"] == 2
+    assert recorder.counters["packets"] == 1000
+
+
 def test_a_slow_disk_costs_parts_of_the_recording_and_says_so(tmp_path, monkeypatch):
-    monkeypatch.setattr(drivers.files.flight_writer, "_force", lambda file: time.sleep(0.3))
+    answers = threading.Event()
+    monkeypatch.setattr(drivers.files.flight_writer, "_force", lambda file: answers.wait(20))
     recorder = Recorder(
         options(tmp_path, max_waiting_bytes=5 * textured(0).nbytes, sync_interval_s=0.01), PAPERS
     )
     recorder.start()
-    before = time.monotonic()
     for k in range(40):
         recorder.frame(Frame(k, START_US + k, START_US + k, textured(k)))
-    assert time.monotonic() - before < 2.0
+    assert not answers.is_set(), "taking frames waits for no disk"
+    answers.set()
     recorder.close(patience_s=20)
     names = [event.event for event in recorder.events()]
     assert names.count("recording_behind") == 1
@@ -220,3 +265,15 @@ def test_a_directory_that_cannot_be_made_is_an_event(tmp_path):
     recorder.start()
     assert "flights" in await_event(recorder, "recording_failed")
     recorder.close()
+
+
+def test_pictures_of_another_size_begin_a_new_folder(tmp_path):
+    recorder = Recorder(options(tmp_path), PAPERS)
+    recorder.start()
+    for k in range(20):
+        recorder.frame(Frame(k, k, k, textured(k, *((160, 120) if k < 10 else (80, 60)))))
+    recorder.close()
+    folders = list(tmp_path.iterdir())
+    shapes = [{s.image.shape for s in FlightFolder(f).samples() if isinstance(s, Frame)} for f in folders]
+    assert sorted(shapes, key=str) == [{(120, 160)}, {(60, 80)}]
+    assert recorder.counters["frames"] == 20
