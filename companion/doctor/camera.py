@@ -59,7 +59,8 @@ class CameraExamination:
         status = self._camera.status() if self._camera is not None else None
         if self._image is None or len(self._frames) < 3:
             fault = self._fault or (status.problem if status is not None else "") or "no frame came"
-            return [Finding("camera", "failure", fault, "check cable, power and camera.source")]
+            remedy = (status.remedy if status is not None else "") or "check cable, power and camera.source"
+            return [Finding("camera", "failure", fault, remedy)]
         findings = [self._opened(), self._rate(), self._exposure(), self._sharpness(), self._calibration()]
         if self._refused:
             reasons = sorted({refusal.reason for refusal in self._refused})

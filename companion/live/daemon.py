@@ -58,6 +58,8 @@ class Daemon:
         self._inputs, self._inbox = inputs, inputs.inbox
         self._link, self._camera = inputs.link, inputs.camera
         self._estimate_us = 0
+        self.failed = ""
+        """Why the daemon ends by itself, to be started anew; empty while it need not."""
         self._load, self._reload_wanted = load, False
         with ExitStack() as stack:
             stack.callback(inputs.close)
@@ -139,6 +141,10 @@ class Daemon:
             self.pipeline.feed(samples)
         else:
             self.pipeline.tick(now_us())
+        if self._camera.status().stuck and not self.failed:
+            self.failed = "every read of the camera hangs in its driver; only a new process can open it again"
+            self.pipeline.tell(DriverEvent("camera_stuck", "error", self.failed, now_us()))
+            self.stop()
         self.service.alive()
 
     def _reload(self) -> None:

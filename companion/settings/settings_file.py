@@ -8,8 +8,6 @@ import dataclasses
 import difflib
 import functools
 import math
-import re
-import tomllib
 import types
 import typing
 from collections.abc import Collection, Iterator, Sequence
@@ -24,6 +22,8 @@ from companion.settings.marks import FilePath, UserSettings
 from companion.settings.mode_names import MODE_SETTINGS, flight_modes
 from companion.settings.moved import MOVED
 from companion.settings.settings import Settings
+from companion.settings.toml_text import line_numbers, parse_toml, read_text, shown, written
+from drivers.secrets import is_key
 from landing.options import Limits
 
 T = typing.TypeVar("T")
@@ -43,6 +43,7 @@ class Entry:
     is_file: bool
     must_exist: bool
     internal: bool = False
+    or_key: bool = False
 
     @property
     def unit(self) -> str:
@@ -109,9 +110,9 @@ def load(file: Path | None, overrides: Sequence[str] = ()) -> LoadedSettings:
             faults.append(f"{where}: {fault}")
 
     if file is not None:
-        text = _read(file)
-        lines = _lines(text)
-        for path, raw in _flatten(_parse(file, text), known):
+        text = read_text(file)
+        lines = line_numbers(text)
+        for path, raw in _flatten(parse_toml(text, file), known):
             where = f"{file}:{lines[path]}" if path in lines else str(file)
             take(path, raw, file.parent, where, where)
     for override in overrides:
@@ -153,17 +154,6 @@ def value_of(settings: Settings, path: str) -> Any:
     return value
 
 
-def written(value: Any) -> str:
-    """A value as TOML writes it."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    if isinstance(value, (tuple, list)):
-        return "[" + ", ".join(map(written, value)) + "]"
-    return "" if value is None else str(value)
-
-
 def type_name(entry: Entry) -> str:
     """What may be written there, in words."""
     origin = typing.get_origin(entry.type)
@@ -185,8 +175,9 @@ def _entry(path: str, hint: Any, default: Any, internal: bool) -> Entry:
     meaning = next(filter(None, words), "")
     file = _mark(hint, FilePath)
     must_exist = file is not None and file.must_exist
+    or_key = file is not None and file.or_key
     limits = _mark(hint, Limits)
-    return Entry(path, _bare(hint), default, limits, meaning, file is not None, must_exist, internal)
+    return Entry(path, _bare(hint), default, limits, meaning, file is not None, must_exist, internal, or_key)
 
 
 @functools.cache
@@ -213,22 +204,6 @@ def _members(kind: Any) -> tuple[Any, ...]:
     return typing.get_args(kind) if typing.get_origin(kind) in (typing.Union, types.UnionType) else (kind,)
 
 
-def _read(file: Path) -> str:
-    try:
-        return file.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise SettingsError(f"{file}: there is no such settings file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise SettingsError(f"{file}: cannot be read as UTF-8 text: {error}") from None
-
-
-def _parse(file: Path, text: str) -> dict[str, Any]:
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise SettingsError(f"{file}: is not TOML: {error}") from None
-
-
 def _flatten(table: dict[str, Any], known: dict[str, Entry], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Leaves of the file by dotted path; a table where a setting is known stays whole."""
     for name, value in table.items():
@@ -243,18 +218,6 @@ def _is_section(path: str, known: dict[str, Entry]) -> bool:
     return any(name.startswith(path + ".") for name in known)
 
 
-def _lines(text: str) -> dict[str, int]:
-    """Line numbers of ``key = value`` lines by dotted path (tomllib keeps none)."""
-    found: dict[str, int] = {}
-    section = ""
-    for number, line in enumerate(text.splitlines(), 1):
-        if header := re.match(r"\s*\[\s*([\w.\s\"'-]+?)\s*\]", line):
-            section = re.sub(r"[\s\"']", "", header[1]) + "."
-        elif key := re.match(r"\s*([\w.\s\"'-]+?)\s*=", line):
-            found.setdefault(section + re.sub(r"[\s\"']", "", key[1]), number)
-    return found
-
-
 def _override(text: str, known: dict[str, Entry]) -> tuple[str, Any]:
     """``section.key=value``: a TOML value, or, where a string or list of strings is wanted, bare text."""
     path, equals, raw = text.partition("=")
@@ -262,8 +225,8 @@ def _override(text: str, known: dict[str, Entry]) -> tuple[str, Any]:
     if not equals:
         raise ValueError("write section.key=value")
     try:
-        value = tomllib.loads(f"v = {raw}")["v"]
-    except tomllib.TOMLDecodeError:
+        value = parse_toml(f"v = {raw}", path)["v"]
+    except SettingsError:
         value = raw
     kind = known[path].type if path in known else None
     if typing.get_origin(kind) is tuple and not isinstance(value, list):
@@ -280,21 +243,21 @@ def _checked(known: dict[str, Entry], path: str, raw: Any, directory: Path) -> A
     entry = known[path]
     try:
         value = msgspec.convert(raw, entry.type, strict=True)
-    except msgspec.ValidationError:
-        near = _nearest(str(raw), [str(a) for a in typing.get_args(entry.type)])
-        raise ValueError(f"{path} must be {type_name(entry)}, not {written(raw)}{near}") from None
+    except (msgspec.ValidationError, OverflowError):
+        near = _nearest(shown(raw), [str(a) for a in typing.get_args(entry.type)])
+        raise ValueError(f"{path} must be {type_name(entry)}, not {shown(raw)}{near}") from None
     for number in value if isinstance(value, tuple) else (value,):
         if isinstance(number, str):
             continue
         if entry.limits and number is not None and not entry.limits.low <= number <= entry.limits.high:
             unit = f" {entry.unit}" if entry.unit else ""
             low, high = entry.limits.low, entry.limits.high
-            raise ValueError(f"{path} = {written(number)} is outside its limits {low:g} to {high:g}{unit}")
+            raise ValueError(f"{path} = {shown(number)} is outside its limits {low:g} to {high:g}{unit}")
         if isinstance(number, float) and not math.isfinite(number):
             raise ValueError(f"{path} = {number} is not a finite number")
     if path in MODE_SETTINGS:
         return flight_modes(path, value, _nearest)
-    if entry.is_file and value:
+    if entry.is_file and value and not (entry.or_key and is_key(value)):
         return str((directory / Path(value).expanduser()).absolute())
     return value
 
