@@ -10,7 +10,7 @@ import logging
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -67,6 +67,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     many.add_argument(
         "--keep", type=Path, metavar="DIR", help="record the worst runs here, with their scenarios"
     )
+    many.add_argument(
+        "--dask",
+        metavar="ADDRESS",
+        help="fly on the workers of this Dask scheduler (needs the extra 'scale')",
+    )
+    many.add_argument(
+        "--table", type=Path, metavar="FOLDER.parquet",
+        help="a row a flight, written as they end; taken up again where it was cut off",
+    )  # fmt: skip
     many.add_argument("--report", type=Path, metavar="FILE.json", help="every run and the figures")
 
 
@@ -125,16 +134,48 @@ def _fly(args: argparse.Namespace, scenario: Any, progress: Any) -> Any:
 def _many(args: argparse.Namespace) -> int:
     from companion.simulation.monte_carlo import fly_many
 
-    if not 1 <= args.runs <= 100_000 or not 1 <= args.jobs <= 64:
-        raise LandslopeError("--runs must be from 1 to 100000 and --jobs from 1 to 64")
-    with _bar(f"{args.runs} flights") as progress:
+    if not 1 <= args.runs <= 100_000 or not 1 <= args.jobs <= 10_000:
+        raise LandslopeError("--runs must be from 1 to 100000 and --jobs from 1 to 10000")
+    if args.dask is None and args.jobs > 64:
+        raise LandslopeError(f"--jobs {args.jobs}: at most 64 processes of this machine; --dask takes more")
+    first, table = args.seed or 0, None
+    with ExitStack() as stack:
+        progress = stack.enter_context(_bar(f"{args.runs} flights"))
+        if args.table is not None:
+            from companion.simulation.result_table import ResultTable
+
+            table = stack.enter_context(ResultTable(args.table, args.config, args.overrides))
         report = fly_many(
-            args.runs, args.seed or 0, args.jobs, args.config, args.overrides, args.keep, progress
-        )
+            args.runs, first, args.jobs, args.config, args.overrides, args.keep, progress,
+            on_run=table.add if table is not None else lambda run: None,
+            flown=table.runs_before(range(first, first + args.runs)) if table is not None else (),
+            pool=None if args.dask is None else _dask(args.dask),
+        )  # fmt: skip
     print(report.in_words())
     if args.report is not None:
         args.report.write_text(json.dumps(report.as_table(), indent=1), encoding="utf-8")
     return 1 if report.requested_on_unfit.count or report.crashes else 0
+
+
+def _dask(address: str) -> Any:
+    """Opens the workers of a Dask scheduler as an executor."""
+    try:
+        from distributed import Client
+    except ImportError:
+        raise LandslopeError("--dask needs Dask: pip install 'landslope[scale]'") from None
+    try:
+        client = Client(address, timeout="10s")
+    except (OSError, ValueError) as error:
+        raise LandslopeError(
+            f"--dask {address}: no scheduler answers: {error}; start one by 'dask scheduler'"
+        ) from None
+
+    @contextmanager
+    def executor() -> Iterator[Any]:
+        with client, client.get_executor(pure=False) as opened:
+            yield opened
+
+    return executor
 
 
 def _say(run: Any) -> None:

@@ -26,6 +26,7 @@ COMMANDS = {
     "watch": ("companion.commands.watch", "show a vehicle's messages live in the terminal"),
     "install": ("companion.commands.install", "install landslope as a systemd service, or take it off again"),
     "sim": ("companion.commands.sim", "fly a simulated drone over simulated ground, closed loop"),
+    "compare": ("companion.commands.compare", "what a change did to many simulated flights, from two tables"),
     "calibrate": (
         "companion.commands.calibrate",
         "calibrate the camera, print a board, measure its time offset",

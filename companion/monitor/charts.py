@@ -12,6 +12,8 @@ LEFT, RIGHT, TOP, BOTTOM = 44, 6, 6, 24
 MOST_TICKS = 4
 LIMIT_ROOM = 1.4
 """The axis reaches so far beyond a limit, so that it can be seen how far away it is."""
+LARGEST = 1e9
+"""Values beyond it are nonsense, and do not stretch the axis."""
 GAP_S = 2.0
 """Points further apart than this are not joined."""
 
@@ -145,7 +147,7 @@ def ticks(low: float, high: float) -> list[tuple[float, str]]:
 
 def _range(chart: Chart, points: Sequence[Point], limit: float | None) -> tuple[float, float]:
     getters = [chart.value] if chart.second is None else [chart.value, chart.second]
-    known = [v for p in points for get in getters if (v := get(p)) is not None and math.isfinite(v)]
+    known = [v for p in points for get in getters if (v := get(p)) is not None and abs(v) < LARGEST]
     low = min(known, default=0.0) if chart.floor is None else chart.floor
     high = max([*known, low])
     if limit is not None:

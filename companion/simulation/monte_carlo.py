@@ -6,7 +6,8 @@ import os
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,8 @@ AHEAD = 4
 KEPT_WORST = 10
 
 Progress = Callable[[float, float], None]
+Pool = Callable[[], AbstractContextManager[Executor]]
+"""Opens where flights are flown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,16 +220,25 @@ def fly_many(
     keep: Path | None = None,
     progress: Progress = lambda done, total: None,
     on_wrong: Callable[[Run], None] = lambda run: None,
+    on_run: Callable[[Run], None] = lambda run: None,
+    flown: Sequence[Run] = (),
+    pool: Pool | None = None,
 ) -> Report:
     """Fly ``count`` random scenarios from ``first_seed`` on in ``jobs`` processes; record the worst under ``keep``.
 
-    ``on_wrong`` is told of a flight that went wrong as soon as it has ended.
+    ``on_run`` is given every flight as soon as it has ended, ``on_wrong`` those that went wrong. ``flown`` are counted
+    and not flown again. ``pool`` opens another place to fly than processes of this machine.
     """
     started = time.perf_counter()
     report = Report()
-    seeds = range(first_seed, first_seed + count)
-    for done, run in enumerate(_all(seeds, jobs, config, tuple(overrides)), 1):
+    report.runs += flown
+    known = {run.seed for run in flown}
+    seeds = [seed for seed in range(first_seed, first_seed + count) if seed not in known]
+    if pool is None and jobs > 1 and len(seeds) > 1:
+        pool = processes(jobs)
+    for done, run in enumerate(_all(seeds, AHEAD * jobs, pool, config, tuple(overrides)), 1 + len(flown)):
         report.runs.append(run)
+        on_run(run)
         if run.wrong:
             on_wrong(run)
         progress(done, count)
@@ -274,31 +286,38 @@ def judge(scenario: Scenario, result: FlightResult, max_inclination_deg: float) 
     )
 
 
-def _all(seeds: range, jobs: int, config: Path | None, overrides: tuple[str, ...]) -> Iterator[Run]:
-    if jobs == 1 or len(seeds) == 1:
+def processes(jobs: int) -> Pool:
+    """So many processes of this machine."""
+    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+        os.environ.setdefault(variable, "1")
+    return lambda: worker_pool(jobs, _quiet)
+
+
+def _all(
+    seeds: Sequence[int], ahead: int, pool: Pool | None, config: Path | None, overrides: tuple[str, ...]
+) -> Iterator[Run]:
+    if pool is None:
         for seed in seeds:
             yield fly_one(seed, config, overrides)
         return
-    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ.setdefault(variable, "1")
-    with worker_pool(jobs, _quiet) as pool:
+    with pool() as executor:
         waiting: set[Future[Run]] = set()
         flown: dict[Future[Run], int] = {}
         left = iter(seeds)
         while True:
             for seed in left:
-                future = pool.submit(fly_one, seed, config, overrides)
+                future = executor.submit(fly_one, seed, config, overrides)
                 waiting.add(future)
                 flown[future] = seed
-                if len(waiting) >= AHEAD * jobs:
+                if len(waiting) >= ahead:
                     break
             if not waiting:
                 return
             done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
             for future in done:
-                error = future.exception()
+                error, seed = future.exception(), flown.pop(future)
                 # A flight that broke the software is a finding, not the end of the others.
-                yield future.result() if error is None else _crashed(flown[future], error)
+                yield future.result() if error is None else _crashed(seed, error)
 
 
 def _crashed(seed: int, error: BaseException) -> Run:
