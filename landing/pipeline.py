@@ -13,6 +13,7 @@ from landing.errors import LandingError
 from landing.estimate import SurfaceEstimate, TrackView
 from landing.ground.border import Border
 from landing.ground.brink import Brink
+from landing.ground.ground import Ground
 from landing.ground.roughness import Relief, ReliefMap
 from landing.ground.unlike import Unlike
 from landing.motion.views import Views
@@ -69,6 +70,7 @@ class SurfacePipeline:
         self.border = Border(options.estimator, camera)
         self.brink = Brink(options.estimator, camera)
         self.unlike = Unlike(options.estimator, camera)
+        self.ground = Ground(options.ground, camera)
         e = options.estimator
         self.time_offset = TimeOffsetFilter(
             e.time_offset_std_s,
@@ -106,7 +108,9 @@ class SurfacePipeline:
         if plane.status == "ok" and math.isfinite(plane.divergence):
             self._motion = Motion(plane.omega, plane.normal)
             self.views.rows.saw(self._motion)
-        return self._estimate(observation, plane)
+        estimate = self._estimate(observation, plane)
+        self.ground.step(self.views, plane, observation, estimate)
+        return estimate
 
     def _apply_readout(self) -> None:
         """Take what has been found of the rows' readout, where it is not set."""

@@ -89,7 +89,7 @@ def model_of(
 def _check(model: CameraModel, name: str | Path) -> None:
     fault = implausible(model)
     if fault:
-        raise LandslopeError(f"{name}: {fault}; no camera has that: check the numbers, or calibrate anew")
+        raise LandslopeError(f"{name}: {fault}; check the numbers, or calibrate anew")
 
 
 def implausible(model: CameraModel) -> str:
@@ -113,6 +113,7 @@ def implausible(model: CameraModel) -> str:
         return (
             f"a focal length of {fx:.6g} px puts the corners of a picture of {width} x {height} at {angle_deg:.0f} "
             f"degrees off the axis, {LARGEST_ANGLE_DEG:g} at most"
+            + (": crop the picture, or fly a narrower lens" if model.equidistant else "")
         )
     off_px = float(np.abs(model.project(rays) - border).max())
     if not off_px <= INVERSE_PX:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from companion.core.attitude import BodyAttitude
 from companion.core.camera_times import CameraTimes
 from companion.core.frozen_camera import FrozenCamera
+from companion.core.ground import GroundReporter
 from companion.core.health import Clocks, HealthMonitor
 from companion.core.judge import Followed, Judge, LandRequest
 from companion.core.sync import Notice, ReadyFrame, Synchroniser
@@ -80,8 +81,9 @@ class Core:
         self._calibrated = calibrated
         self._method = settings.estimator.method
         self._pipeline = SurfacePipeline(
-            camera, Options(settings.tracking, settings.estimator, settings.decision)
+            camera, Options(settings.tracking, settings.estimator, settings.decision, settings.ground)
         )
+        self._ground = GroundReporter(self._pipeline.ground)
         self._sync = Synchroniser(settings, telemetry)
         self._health = HealthMonitor(settings.health, telemetry)
         self._health.calibrated = calibrated
@@ -188,11 +190,13 @@ class Core:
         estimate = self._pipeline.step(observation)
         self._sync.allow_for(self._pipeline.time_offset.late_s, self._pipeline.time_offset.std_s)
         if self._watch_picture(observation, ready, out):
+            self._pipeline.ground.forget()
             estimate = SurfaceEstimate(frame.number, estimate.time_s, "camera_frozen", estimate.method)
         self._health.counters[f"estimates {estimate.status}"] += 1
         boot_s = None if ready.boot_us is None else ready.boot_us * 1e-6
         out.append(estimate_message(estimate, ready.exposure_us, boot_s, self._calibrated))
         out.append(Processed(frame, estimate))
+        out += self._ground.step(estimate, ready.exposure_us, boot_s)
         out += self._judge.see(estimate, self._sync.now_us, ready.exposure_us)
 
     def _watch_attitude(self, ready: ReadyFrame, out: list[Output]) -> None:

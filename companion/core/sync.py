@@ -151,6 +151,7 @@ class Synchroniser:
             self._attitudes.clear()
             self._velocities.clear()
             notices.append(Notice("autopilot_rebooted", {}))
+            self._settled = False
         elif arrival.change is ClockChange.JUMPED:
             correction = self.frame_time.telemetry_jumped(arrival.jump_us)
             if correction is not None:
@@ -162,10 +163,11 @@ class Synchroniser:
             notices.append(Notice("boot_time_wrapped", {}))
         if arrival.steady_us is not None:
             self._advance(arrival.steady_us)
-        if self.clock.settled != self._settled:
-            self._settled = self.clock.settled
-            if self._settled:
-                notices.append(Notice("clock_settled", {"std_s": round(self.clock.std_s, 6)}))
+        if self.clock.settled and not self._settled:
+            self._settled = (
+                True  # once a boot: a clock that settles again and again is in health, not in events
+            )
+            notices.append(Notice("clock_settled", {"std_s": round(self.clock.std_s, 6)}))
         if arrival.boot_us is not None:
             self._keep(sample, arrival.boot_us)
         else:

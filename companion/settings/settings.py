@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from companion.settings.marks import FilePath, Meaning, UserSettings
 from companion.settings.publishing import PreviewSettings, VehicleSettings, ZenohSettings
-from landing.options import DecisionOptions, EstimatorOptions, Limits, TrackingOptions
+from landing.options import DecisionOptions, EstimatorOptions, GroundOptions, Limits, TrackingOptions
 
 
 @dataclass(frozen=True, slots=True)
@@ -333,3 +333,13 @@ class Settings:
     landing: LandingSettings = field(default_factory=LandingSettings)
     record: RecordSettings = field(default_factory=RecordSettings)
     preview: PreviewSettings = field(default_factory=PreviewSettings)
+
+    @property
+    def ground(self) -> GroundOptions:
+        """The ground map's options: what the vehicle can stand on, and the decision's limits."""
+        return GroundOptions(
+            landing_radius_m=self.vehicle.landing_radius_m,
+            max_step_m=self.vehicle.max_step_m,
+            max_inclination_deg=self.decision.max_inclination_deg,
+            sigmas=self.decision.sigmas,
+        )

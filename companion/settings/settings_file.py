@@ -23,6 +23,7 @@ from companion.errors import SettingsError
 from companion.settings.marks import FilePath, UserSettings
 from companion.settings.moved import MOVED
 from companion.settings.settings import Settings
+from landing.decision.permission import AUTOMATIC_MODES
 from landing.options import Limits
 
 T = typing.TypeVar("T")
@@ -47,6 +48,10 @@ class Entry:
     def unit(self) -> str:
         """The unit, empty where there is none."""
         return self.limits.unit if self.limits else ""
+
+
+ENABLE_MODES = "landing.enable_modes"
+MODE_SETTINGS = frozenset({ENABLE_MODES, "landing.allowed_modes"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -291,9 +296,31 @@ def _checked(known: dict[str, Entry], path: str, raw: Any, directory: Path) -> A
             raise ValueError(f"{path} = {written(number)} is outside its limits {low:g} to {high:g}{unit}")
         if isinstance(number, float) and not math.isfinite(number):
             raise ValueError(f"{path} = {number} is not a finite number")
+    if path in MODE_SETTINGS:
+        return _modes(path, value)
     if entry.is_file and value:
         return str((directory / Path(value).expanduser()).absolute())
     return value
+
+
+def _modes(path: str, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Flight modes by the names that heartbeats are read by; ValueError for one that no autopilot has."""
+    from drivers.mavlink.flight_modes import (  # pymavlink, for those who name modes
+        canonical_mode,
+        known_modes,
+    )
+
+    found = {name: canonical_mode(name) for name in names}
+    for name, mode in found.items():
+        if mode is None:
+            near = _nearest(name.upper(), sorted(known_modes()))
+            raise ValueError(f"{path}: {written(name)} is no flight mode of ArduPilot or PX4{near}")
+        if path == ENABLE_MODES and mode in AUTOMATIC_MODES:
+            raise ValueError(
+                f"{path}: {mode} is a mode that the autopilot enters by itself, so it enables nothing; "
+                "name one that the pilot chooses"
+            )
+    return tuple(mode for mode in found.values() if mode is not None)
 
 
 def _unknown(path: str, known: dict[str, Entry]) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 import folder_edits
 import numpy as np
 import pytest
+from flight_copy import FLIGHTS
 
 from companion.core import core as core_module
 from companion.core.core import Core
@@ -122,7 +123,7 @@ def test_a_clock_that_was_set_does_not_mix_up_the_order(recorded, flight, second
 
 def test_frames_behind_damage_keep_their_number(tmp_path):
     """Frames that damage took out of the video are refused by their rows; those behind are not taken for them."""
-    recorded = folder_edits.FLIGHTS / "stairs_a"
+    recorded = FLIGHTS / "stairs_a"
     folder = Path(shutil.copytree(recorded, tmp_path / "flight"))
     folder_edits.video_damaged(folder)
     samples = list(FlightFolder(folder).samples())
