@@ -171,13 +171,13 @@ class CameraExamination:
         left, right = model.undistort(np.array(((0.0, middle), (image.shape[1] - 1.0, middle))))[:, 0]
         across = np.degrees(np.arctan(right) - np.arctan(left))
         text = f"{self._settings.camera.calibration} fits, {across:.0f} degrees across"
-        if not self._settings.camera.time_offset_s:
-            return Finding(
-                "calibration", "ok", f"{text}; time offset 0 (calibrate --time-offset measures it)"
-            )
-        return Finding(
-            "calibration", "ok", f"{text}; time offset {self._settings.camera.time_offset_s * 1e3:+.1f} ms"
-        )
+        offset_s = self._settings.camera.time_offset_s
+        offset = f"{offset_s * 1e3:+.1f} ms" if offset_s else "0 (calibrate --time-offset measures it)"
+        text = f"{text}; time offset {offset}"
+        if model.readout_s is None:
+            remedy = "set camera.readout_s: 0 for a global shutter, else see docs/calibration.md"
+            return Finding("calibration", "warning", f"{text}; rolling shutter readout not set", remedy)
+        return Finding("calibration", "ok", f"{text}; readout {model.readout_s * 1e3:.1f} ms")
 
 
 def blur_of(image: NDArray[np.uint8]) -> float:

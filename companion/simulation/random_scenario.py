@@ -2,6 +2,7 @@
 
 import math
 import random
+from dataclasses import replace
 from typing import Any
 
 from companion.simulation.scenario import (
@@ -32,6 +33,8 @@ GROUNDS = {
 FAULT_SHARE = 0.25
 BLUR_SHARE = 0.15
 TURN_SHARE = 0.25
+ROLLING_SHARE, KNOWN_SHARE, LONGEST_READOUT_S = 0.7, 0.5, 0.03
+"""Shares of flights with a rolling shutter, and of those whose readout is set."""
 
 Surfaces = tuple[dict[str, Any], ...]
 
@@ -44,7 +47,7 @@ def random_scenario(seed: int) -> Scenario:
     # Motion that shows the surface: a ventral flow of 0.15 to 0.6 a second.
     speed = min(max(r.uniform(0.15, 0.6) * height, 0.3), 3.0)
     surfaces = _ground(kind, r, speed)
-    return Scenario(
+    scenario = Scenario(
         name=f"random_{seed}",
         basics=Basics(kind, seed, DURATION_S, r.randrange(8)),
         camera=_camera(r),
@@ -70,6 +73,10 @@ def random_scenario(seed: int) -> Scenario:
         faults=_faults(r),
         settings={"camera": {"time_offset_s": round(r.gauss(0, 0.0015), 5)}},
     )
+    # drawn last, so that a seed's flight stays the same
+    readout_s = round(r.uniform(0, LONGEST_READOUT_S), 4) if r.random() < ROLLING_SHARE else 0.0
+    known = r.random() < KNOWN_SHARE
+    return replace(scenario, camera=replace(scenario.camera, readout_s=readout_s, readout_known=known))
 
 
 def _camera(r: random.Random) -> CameraScene:

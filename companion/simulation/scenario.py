@@ -46,6 +46,7 @@ class CameraScene:
     exposure_drift: Annotated[float, Limits(0, 0.9, "", "slow relative change of brightness")] = 0.05
     exposure_s: Annotated[float, Limits(0, 0.1, "s", "exposure time; blurs by motion")] = 0.0
     readout_s: Annotated[float, Limits(0, 0.1, "s", "rolling shutter, first row to last")] = 0.0
+    readout_known: Annotated[bool, Meaning("whether camera.readout_s is set to that")] = True
     brightness: Annotated[float, Limits(0.02, 4, "", "light, 1 is good")] = 1.0
     contrast: Annotated[float, Limits(0.02, 4, "", "contrast, 1 is good")] = 1.0
 
@@ -193,6 +194,8 @@ class Scenario:
             f"camera.mount_yaw_deg={camera.mount_yaw_deg}",
             f"landing.enable_rc_channel={ENABLE_CHANNEL}",
         ]
+        if camera.readout_known:
+            known.append(f"camera.readout_s={camera.readout_s}")
         if camera.late_known:
             known.append(f"camera.time_offset_s={camera.late_s}")
         return load(config, [*known, *_assignments(self.settings), *overrides]).settings

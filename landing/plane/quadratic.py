@@ -68,7 +68,8 @@ class QuadraticEstimator:
             wz, status = divergence / 2, "motion_too_small"
         else:
             a, b, wz, covariance = result
-            status = "ok"
+            # a rotation that nobody measured turns slopes by any amount, and the residuals do not show it
+            status = "ok" if baseline.derotated else "slope_uncertain"
         omega = np.array((wx, wy, wz))
         return Plane(
             status,

@@ -63,6 +63,7 @@ def test_a_vehicle_ready_to_fly(tmp_path):
                 loaded(
                     f"camera.source={STAIRS}",
                     f"camera.calibration={STAIRS / 'camera.yaml'}",
+                    "camera.readout_s=0.0",
                     f"mavlink.connection=tcp:127.0.0.1:{autopilot.port}",
                     f"record.directory={tmp_path / 'flights'}",
                     "record.min_free_mb=1",
@@ -125,6 +126,15 @@ def test_a_calibration_of_another_size_fails():
         seen = watched(loaded(*source).settings, 1.5)
     assert seen["calibration"].level == "failure"
     assert "320 x 240" in seen["calibration"].text
+
+
+def test_a_readout_that_is_not_set_is_a_warning():
+    with MjpegServer(moving(320, 240)) as server:
+        source = (f"camera.source={server.url}", f"camera.calibration={STAIRS / 'camera.yaml'}")
+        seen = watched(loaded(*source).settings, 1.5)
+    assert seen["calibration"].level == "warning"
+    assert "readout not set" in seen["calibration"].text
+    assert "docs/calibration.md" in seen["calibration"].remedy
 
 
 def test_no_calibration_is_a_warning_and_a_slow_camera_too():
