@@ -6,13 +6,12 @@ section, is read, bounded, explained and overridable without further code.
 
 import dataclasses
 import difflib
-import functools
 import math
 import re
 import tomllib
 import types
 import typing
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -20,36 +19,14 @@ from typing import Any, Literal
 import msgspec
 
 from companion.errors import SettingsError
-from companion.settings.marks import FilePath, UserSettings
+from companion.settings.entries import Entry, bare, entries, hints_of
 from companion.settings.moved import MOVED
 from companion.settings.settings import Settings
 from landing.decision.permission import AUTOMATIC_MODES
-from landing.options import Limits
 
 T = typing.TypeVar("T")
 DEFAULT = "default"
 OVERRIDE = "--set"
-
-
-@dataclass(frozen=True, slots=True)
-class Entry:
-    """One setting as the dataclasses declare it; ``path`` is ``section.key``, ``type`` without annotations."""
-
-    path: str
-    type: Any
-    default: Any
-    limits: Limits | None
-    meaning: str
-    is_file: bool
-    must_exist: bool
-    internal: bool = False
-
-    @property
-    def unit(self) -> str:
-        """The unit, empty where there is none."""
-        return self.limits.unit if self.limits else ""
-
-
 ENABLE_MODES = "landing.enable_modes"
 MODE_SETTINGS = frozenset({ENABLE_MODES, "landing.allowed_modes"})
 
@@ -65,26 +42,6 @@ class LoadedSettings:
     origins: dict[str, str]
     file: Path | None
     notes: tuple[str, ...] = ()
-
-
-def entries(
-    section: type = Settings, prefix: str = "", users: Collection[str] | None = None
-) -> Iterator[Entry]:
-    """Every setting there is, in the order of the dataclasses.
-
-    ``users`` names the fields of ``section`` that are for users; None: all are.
-    """
-    hints = _hints(section)
-    for field in dataclasses.fields(section):
-        hint = hints[field.name]
-        path = prefix + field.name
-        kind = _bare(hint)
-        if dataclasses.is_dataclass(kind):
-            mark = _mark(hint, UserSettings)
-            yield from entries(typing.cast(type, kind), path + ".", mark.names if mark else None)
-        else:
-            internal = users is not None and field.name not in users
-            yield _entry(path, hint, _default(field), internal)
 
 
 def load(file: Path | None, overrides: Sequence[str] = ()) -> LoadedSettings:
@@ -175,42 +132,12 @@ def type_name(entry: Entry) -> str:
         return "one of " + ", ".join(map(written, typing.get_args(entry.type)))
     if origin is tuple:
         return "a list of " + {str: "strings", int: "integers", float: "numbers"}.get(
-            _bare(typing.get_args(entry.type)[0]), "values"
+            bare(typing.get_args(entry.type)[0]), "values"
         )
     names = {bool: "true or false", int: "an integer", float: "a number", str: "a string"}
     members = [t for t in _members(entry.type) if t is not type(None)]
     words = (written(typing.get_args(t)[0]) if typing.get_origin(t) is Literal else None for t in members)
     return " or ".join(word or names.get(t, str(t)) for word, t in zip(words, members, strict=True))
-
-
-def _entry(path: str, hint: Any, default: Any, internal: bool) -> Entry:
-    marks: tuple[Any, ...] = getattr(hint, "__metadata__", ())
-    words = (mark if isinstance(mark, str) else getattr(mark, "meaning", "") for mark in marks)
-    meaning = next(filter(None, words), "")
-    file = _mark(hint, FilePath)
-    must_exist = file is not None and file.must_exist
-    limits = _mark(hint, Limits)
-    return Entry(path, _bare(hint), default, limits, meaning, file is not None, must_exist, internal)
-
-
-@functools.cache
-def _hints(section: type) -> dict[str, Any]:
-    return typing.get_type_hints(section, include_extras=True)
-
-
-def _mark(hint: Any, kind: type[T]) -> T | None:
-    """The first annotation of that kind behind a type."""
-    return next((mark for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, kind)), None)
-
-
-def _default(field: "dataclasses.Field[Any]") -> Any:
-    if field.default_factory is not dataclasses.MISSING:
-        return field.default_factory()
-    return field.default
-
-
-def _bare(hint: Any) -> Any:
-    return typing.get_args(hint)[0] if hasattr(hint, "__metadata__") else hint
 
 
 def _members(kind: Any) -> tuple[Any, ...]:
@@ -342,11 +269,11 @@ def _nearest(word: str, names: typing.Iterable[str]) -> str:
 
 
 def _build(section: type, prefix: str, values: dict[str, Any]) -> Any:
-    hints = _hints(section)
+    hints = hints_of(section)
     chosen = {}
     for field in dataclasses.fields(section):
         path = prefix + field.name
-        kind = _bare(hints[field.name])
+        kind = bare(hints[field.name])
         if dataclasses.is_dataclass(kind):
             chosen[field.name] = _build(typing.cast(type, kind), path + ".", values)
         elif path in values:
