@@ -60,17 +60,26 @@ def observation_of(ready: ReadyFrame) -> Observation:
 class Core:
     """Samples in order of arrival in, outputs out; the same samples give the same outputs, bit for bit.
 
-    ``calibrated`` is passed on to the estimates; ``telemetry`` False: a plain video, frames do not wait.
+    ``calibrated`` is passed on to the estimates; ``telemetry`` False: a plain video, frames do not wait;
+    ``monotonic``: nobody sets the clock that stamps arrivals, as the live daemon's.
     """
 
-    def __init__(self, settings: Settings, camera: CameraModel, *, calibrated: bool, telemetry: bool) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        camera: CameraModel,
+        *,
+        calibrated: bool,
+        telemetry: bool,
+        monotonic: bool = False,
+    ) -> None:
         self._camera = camera
         self._calibrated = calibrated
         self._method = settings.estimator.method
         self._pipeline = SurfacePipeline(
             camera, Options(settings.tracking, settings.estimator, settings.decision)
         )
-        self._sync = Synchroniser(settings, telemetry)
+        self._sync = Synchroniser(settings, telemetry, monotonic)
         self._health = HealthMonitor(settings.health, telemetry)
         self._frozen = FrozenCamera(settings.health, camera)
         self._judge = Judge(settings, self._health, LandingArea(camera, settings.decision, settings.tracking))
@@ -208,8 +217,13 @@ class Core:
     def _tell(self, notice: Notice, out: list[Output]) -> None:
         if notice.name == "autopilot_rebooted":
             self._judge.forget_autopilot()
+        if notice.name in ("autopilot_rebooted", "clock_corrected", "clock_jump_taken_back"):
             self._pipeline.time_offset.loosen()
-        out.append(event(notice.name, self._frame_number, self._sync.raw_us(), details=notice.details))
+        text = ""
+        if notice.name == "link_late":
+            late_s, spells = notice.details["late_s"], notice.details["spells"]
+            text = f"telemetry came up to {late_s:.2f} s late over this link, {spells} times"
+        out.append(event(notice.name, self._frame_number, self._sync.raw_us(), text, notice.details))
 
     def _tick(self, out: list[Output]) -> None:
         """Health, and the decision while no frames come, at their rate of sample time."""

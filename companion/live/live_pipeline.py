@@ -113,6 +113,7 @@ class LivePipeline:
             self._camera,
             calibrated=self._calibrated,
             telemetry=telemetry,
+            monotonic=True,
         )
 
     def _fit(self, frame: Frame) -> None:
