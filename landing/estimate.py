@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from landing.reasons import Reason
+
 NAN = math.nan
 
 
@@ -65,5 +67,5 @@ class SurfaceEstimate:
     unlike: bool = False
     """What has just come into view looks unlike the rest and is not measured yet."""
     flat: bool = False
-    against_flat: tuple[str, ...] = ()
+    against_flat: tuple[Reason, ...] = ()
     tracks: TrackView | None = field(default=None, compare=False)

@@ -6,7 +6,12 @@ import signal
 from pathlib import Path
 
 import folder_edits
+import hypothesis
 import pytest
+
+# a busy machine must not fail a property: no example has a time limit
+hypothesis.settings.register_profile("landslope", deadline=None)
+hypothesis.settings.load_profile("landslope")
 
 # where the tests run in the background of a shell, SIGINT comes ignored, also for the processes they start
 signal.signal(signal.SIGINT, signal.default_int_handler)

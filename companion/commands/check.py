@@ -22,7 +22,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         dest="overrides",
         help="override a setting",
     )
-    parser.add_argument("--table", action="store_true", help="print the table of all settings in Markdown")
+    parser.add_argument("--all", action="store_true", help="list the internal settings too")
+    parser.add_argument(
+        "--table",
+        action="store_true",
+        help="print the users' settings as a table in Markdown; with --all the internal ones in a second table",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -35,5 +40,12 @@ def run(args: argparse.Namespace) -> int:
     except SettingsError as faults:
         print(faults, file=sys.stderr)
         return 2
-    print("\n".join(markdown_table() if args.table else in_force(loaded)))
+    for note in loaded.notes:
+        print(note, file=sys.stderr)
+    if args.table:
+        print("\n".join(markdown_table()))
+        if args.all:
+            print("\n" + "\n".join(markdown_table(internal=True)))
+    else:
+        print("\n".join(in_force(loaded, args.all)))
     return 0

@@ -30,7 +30,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run until SIGTERM or SIGINT; 1 when a thread broke, so that the service manager starts anew."""
     _log_to_stderr(logging.DEBUG if args.verbose else logging.INFO)
-    settings = load(args.config, args.overrides).settings
+    loaded = load(args.config, args.overrides)
+    for note in loaded.notes:
+        logging.getLogger(__name__).warning("%s", note)
+    settings = loaded.settings
     import cv2
 
     from companion.live.inputs import Inputs

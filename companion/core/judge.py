@@ -12,6 +12,7 @@ from landing.decision.decision import Decider, Verdict
 from landing.decision.permit import Permit, PermitInputs, PermitState
 from landing.estimate import SurfaceEstimate
 from landing.ground.landing_area import LandingArea
+from landing.reasons import Code, Reason, codes, in_words
 
 SECOND_US = 1_000_000
 
@@ -44,7 +45,7 @@ class Judge:
         self._enabled = settings.landing.enabled
         self._heartbeat: Heartbeat | None = None
         self._landed: LandedState | None = None
-        self._verdict = Verdict("unknown", ("nothing seen yet",), 0.0, False)
+        self._verdict = Verdict("unknown", (Reason(Code.NOTHING_SEEN),), 0.0, False)
         self._frame = 0
         self._since_us = 0
         self._told: Decision | None = None
@@ -63,20 +64,23 @@ class Judge:
         self._frame = estimate.frame
         self._since_us = time_unix_us - round((estimate.time_s - verdict.since_s) * 1e6)
         if verdict.changed:
-            text = "; ".join(verdict.reasons)
+            reasons = in_words(verdict.reasons)
+            text = "; ".join(reasons)
             text = f"surface {verdict.verdict}: {text}" if text else f"surface {verdict.verdict} for landing"
-            details = {"verdict": verdict.verdict, "reasons": list(verdict.reasons)}
+            details = {"verdict": verdict.verdict, "reasons": list(reasons)}
             out.append(event("decision_changed", estimate.frame, time_unix_us, text, details))
         return out + self.decide(now_us, time_unix_us, seen=estimate.flat)
 
     def no_frames(self, now_us: int, time_unix_us: int) -> list[Judgement]:
         """The camera went silent: what was last seen says nothing of what is below now."""
         out: list[Judgement] = []
+        reasons = (Reason(Code.NO_FRAMES),)
         if self._verdict.verdict != "unknown":
-            details = {"verdict": "unknown", "reasons": ["no frames"]}
-            out.append(event("decision_changed", None, time_unix_us, "surface unknown: no frames", details))
+            said = in_words(reasons)
+            details = {"verdict": "unknown", "reasons": list(said)}
+            out.append(event("decision_changed", None, time_unix_us, f"surface unknown: {said[0]}", details))
             self._since_us = time_unix_us
-        self._verdict = Verdict("unknown", ("no frames",), self._verdict.since_s, False)
+        self._verdict = Verdict("unknown", reasons, self._verdict.since_s, False)
         return out + self.decide(now_us, time_unix_us)
 
     def follow(
@@ -110,7 +114,8 @@ class Judge:
             frame=self._frame,
             time_unix_us=time_unix_us,
             verdict=self._verdict.verdict,
-            reasons=self._verdict.reasons,
+            reasons=in_words(self._verdict.reasons),
+            reason_codes=codes(self._verdict.reasons),
             since_unix_us=self._since_us,
             permitted=permit.permitted,
             withheld=permit.withheld,

@@ -30,6 +30,8 @@ def settings_findings(loaded: LoadedSettings) -> Iterator[Finding]:
         yield Finding("settings", "failure", text, "put the file there, or correct the setting")
     if not missing:
         yield Finding("settings", "ok", str(loaded.file) if loaded.file else "defaults alone, no file")
+    for note in loaded.notes:
+        yield Finding("settings", "warning", note, "correct the file")
     landing = loaded.settings.landing
     switch = landing.enable_rc_channel
     if landing.enabled or switch:

@@ -20,6 +20,7 @@ from companion.messages.messages import Estimate, encode, estimate_message
 from drivers.bus import Bus, Endpoints, Subscription, open_session
 from landing.estimate import SurfaceEstimate
 from landing.options import Limits
+from landing.reasons import Certainty, Code, Reason
 
 START_TIMEOUT_S = 60.0
 POLL_S = 0.2
@@ -178,7 +179,7 @@ def _estimate(number: int) -> Estimate:
         features=150,
         inlier_fraction=0.95,
         fit_error_px=0.12,
-        against_flat=("inclination 12.4 deg is above 10 deg",),
+        against_flat=(Reason(Code.TOO_STEEP, Certainty.CERTAIN, 12.4, limit=10.0),),
     )
     return estimate_message(surface, time.time_ns() // 1000, None, True)
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from companion.messages.events import COMMAND_EVENTS
 from companion.messages.messages import Decision, Estimate, Event, Health, Message
 from companion.settings.settings import MavlinkSettings
 from drivers.samples import Imu
@@ -21,8 +22,6 @@ SEVERITIES = {
     "warning": dialect.MAV_SEVERITY_WARNING,
     "error": dialect.MAV_SEVERITY_CRITICAL,
 }
-TOLD_EVENTS = ("landing_", "surface_unfit", "hold_")
-"""Beginnings of the names of events that are told; everything else the verdict and the health tell."""
 BOOT_WRAP_MS = 2**32
 
 
@@ -54,7 +53,7 @@ class GroundReport:
             return self._decision(message)
         if isinstance(message, Health):
             return self._health_change(message)
-        if isinstance(message, Event) and message.event.startswith(TOLD_EVENTS):
+        if isinstance(message, Event) and message.event in COMMAND_EVENTS:
             return [_text(message.severity, message.text.removeprefix("command to "))]
         return []
 

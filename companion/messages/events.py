@@ -1,4 +1,4 @@
-"""Every event that the core tells of: its name, how grave it is and what it means."""
+"""Every event: its name, its severity and what it means."""
 
 from typing import Any
 
@@ -23,8 +23,48 @@ EVENTS = {
     "second_vehicle": ("error", "a second vehicle speaks on the link"),
     "input_stale": ("warning", "an input stopped"),
     "input_back": ("info", "an input came back"),
+    "landing_in_progress": ("info", "the autopilot works on the command to land"),
+    "landing_accepted": ("info", "the autopilot accepted the command to land"),
+    "landing_started": ("info", "the flight mode became LAND"),
+    "landing_landed": ("info", "the vehicle is on the ground or disarmed"),
+    "landing_refused": ("warning", "the autopilot refused the command to land"),
+    "landing_failed": ("warning", "the command to land had no effect"),
+    "landing_taken_over": ("warning", "the flight mode left LAND before the touchdown"),
+    "surface_unfit": ("error", "the surface turned out unfit during the landing"),
+    "hold_accepted": ("info", "the autopilot accepted the request to hold"),
+    "hold_failed": ("error", "the autopilot did not accept the request to hold"),
+    "link_open": ("info", "the MAVLink port is open"),
+    "link_closed": ("warning", "the MAVLink port is closed; it is opened again"),
+    "vehicle_found": ("info", "an autopilot's heartbeat was heard"),
+    "mavlink_refused": ("warning", "frames on the link are refused"),
+    "rate_too_low": ("warning", "a message comes more rarely than was asked for"),
+    "camera_lost": ("warning", "the camera gives no frames"),
+    "camera_back": ("info", "the camera gives frames again"),
+    "camera_ended": ("info", "the video is at its end"),
+    "recording_started": ("info", "a flight folder was opened"),
+    "recording_stopped": ("info", "the recording ended"),
+    "recording_refused": ("error", "there is no room for a recording"),
+    "recording_behind": ("warning", "the disk is too slow; parts of the recording are lost"),
+    "recording_failed": ("error", "the recording could not be written and ended"),
 }
-"""Name -> (severity, meaning). The command's follow-up adds landing_accepted, landing_started and so on."""
+"""Name -> (severity, meaning)."""
+
+LANDING_EVENTS = frozenset(
+    {
+        "landing_requested",
+        "landing_in_progress",
+        "landing_accepted",
+        "landing_started",
+        "landing_landed",
+        "landing_refused",
+        "landing_failed",
+        "landing_taken_over",
+    }
+)
+"""The request to land and what became of it."""
+
+COMMAND_EVENTS = LANDING_EVENTS | {"surface_unfit", "hold_accepted", "hold_failed"}
+"""Everything that concerns a command to the autopilot; ground stations get these as STATUSTEXT."""
 
 
 def event(

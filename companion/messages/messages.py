@@ -2,16 +2,25 @@
 
 import math
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Annotated, Any
 
 import msgspec
 
 from landing.estimate import SurfaceEstimate
+from landing.reasons import Code, Status, codes, in_words
 
 
-def about(meaning: str, unit: str = "") -> msgspec.Meta:
-    """What a field means and its unit; goes into the JSON Schema and the documentation."""
-    return msgspec.Meta(description=meaning, extra_json_schema={"unit": unit} if unit else None)
+def about(meaning: str, unit: str = "", *, one_of: type[StrEnum] | None = None) -> msgspec.Meta:
+    """What a field means and its unit; goes into the JSON Schema and the documentation.
+
+    ``one_of``: the table that the values (of a tuple: its items) come from. The schema lists them; readers take
+    others too, since a newer vehicle may know more.
+    """
+    extra: dict[str, Any] = {"unit": unit} if unit else {}
+    if one_of is not None:
+        extra["one_of"] = [str(value) for value in one_of]
+    return msgspec.Meta(description=meaning, extra_json_schema=extra or None)
 
 
 class Estimate(msgspec.Struct, frozen=True, kw_only=True):
@@ -20,7 +29,7 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     frame: Annotated[int, about("number of the camera frame")]
     time_unix_us: Annotated[int, about("middle of the exposure, companion clock since 1970", "us")]
     time_boot_s: Annotated[float | None, about("the same instant in the autopilot's time since boot", "s")]
-    status: Annotated[str, about('"ok", or why there is no estimate')]
+    status: Annotated[str, about('"ok", or why there is no estimate', one_of=Status)]
     method: Annotated[str, about('the estimator: "map" or "quadratic"')]
     ventral_flow_x: Annotated[float | None, about("velocity along the image's x over the distance", "1/s")]
     ventral_flow_y: Annotated[float | None, about("velocity along the image's y over the distance", "1/s")]
@@ -57,8 +66,9 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
         float | None, about("mean distance of the tracks from where the fit has them", "px")
     ]
     flat: Annotated[bool, about("this frame's surface is flat and level enough")]
-    against_flat: Annotated[tuple[str, ...], about("what stands against flat, in words")]
+    against_flat: Annotated[tuple[str, ...], about("what speaks against flat, in words")]
     calibrated: Annotated[bool, about("whether the camera is calibrated")]
+    against_flat_codes: Annotated[tuple[str, ...], about("the same as codes", one_of=Code)] = ()
 
 
 class Decision(msgspec.Struct, frozen=True, kw_only=True):
@@ -75,6 +85,7 @@ class Decision(msgspec.Struct, frozen=True, kw_only=True):
     withheld: Annotated[tuple[str, ...], about("what stands against the permission, in words")]
     requested: Annotated[bool, about("whether a landing was requested under the present permission")]
     command: Annotated[str, about('"none", "requested", "accepted", "landing", "landed", or why it failed')]
+    reason_codes: Annotated[tuple[str, ...], about("the reasons as codes", one_of=Code)] = ()
 
 
 class InputHealth(msgspec.Struct, frozen=True, kw_only=True):
@@ -189,6 +200,7 @@ def estimate_message(
         inlier_fraction=known(e.inlier_fraction, 4),
         fit_error_px=known(e.fit_error_px, 4),
         flat=e.flat,
-        against_flat=e.against_flat,
+        against_flat=in_words(e.against_flat),
         calibrated=calibrated,
+        against_flat_codes=codes(e.against_flat),
     )

@@ -1,12 +1,15 @@
 """JSON Schema and documentation tables of every message, made from the message types."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import msgspec
 
 from companion.errors import LandslopeError
+from companion.messages.events import EVENTS
 from companion.messages.messages import TOPICS, Topic
 from companion.messages.preview import Preview
+from landing.reasons import MEANING, STATUS_MEANING
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -31,9 +34,21 @@ def schema_of(name: str) -> dict[str, Any]:
         [message_type(topic_named(name))], ref_template="#/$defs/{name}"
     )
     title = reference["$ref"].rsplit("/", 1)[1]
+    for part in components.values():
+        for field in part.get("properties", {}).values():
+            _list_values(field)
     top = components.pop(title)
     schema = {"$schema": DIALECT, "$id": f"landslope/{name}", **top}
     return {**schema, "$defs": components} if components else schema
+
+
+def _list_values(field: dict[str, Any]) -> None:
+    """Say in JSON Schema's own words that a field holds values of a table."""
+    values = field.pop("one_of", None)
+    if values is not None and field.get("type") == "array":
+        field["items"] = {**field["items"], "enum": values}
+    elif values is not None:
+        field["enum"] = values
 
 
 def all_schemas() -> dict[str, dict[str, Any]]:
@@ -84,7 +99,24 @@ def tables() -> str:
             if title not in shown:
                 shown.add(title)
                 parts.append(fields_table(title, part))
+    parts += [
+        values_table("Statuses of an estimate", "status", STATUS_MEANING),
+        values_table("Reasons of a verdict", "code", MEANING),
+        events_table(),
+    ]
     return "\n\n".join(parts) + "\n"
+
+
+def values_table(title: str, head: str, meanings: Mapping[Any, str]) -> str:
+    """A Markdown section with one row a value of a table."""
+    rows = [f"### {title}", "", f"| {head} | meaning |", "|---|---|"]
+    return "\n".join(rows + [f"| `{value}` | {meaning} |" for value, meaning in meanings.items()])
+
+
+def events_table() -> str:
+    """A Markdown section with one row an event."""
+    rows = ["### Events", "", "| event | severity | meaning |", "|---|---|---|"]
+    return "\n".join(rows + [f"| `{name}` | {grave} | {text} |" for name, (grave, text) in EVENTS.items()])
 
 
 def _type_words(part: dict[str, Any]) -> str:

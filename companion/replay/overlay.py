@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from companion.errors import LandslopeError
 from companion.messages.messages import Decision
 from landing.estimate import SurfaceEstimate
+from landing.reasons import in_words
 from landing.vision.camera import CameraModel
 
 Image = NDArray[np.uint8]
@@ -210,7 +211,7 @@ def reasons(estimate: SurfaceEstimate, decision: Decision | None) -> tuple[str, 
     """What stands against landing: in this frame, or else in the decision, which may be some frames old."""
     if decision is None:
         return ()
-    return estimate.against_flat if decision.reasons and estimate.against_flat else decision.reasons
+    return in_words(estimate.against_flat) if decision.reasons and estimate.against_flat else decision.reasons
 
 
 def _draw_banner(picture: Image, verdict: str, scene: Scene, against: tuple[str, ...]) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from companion.messages.events import LANDING_EVENTS
 from companion.replay.history import History
 from landing.options import DecisionOptions
 
@@ -151,7 +152,7 @@ def _fit(history: History) -> str:
 
 
 def _landing(history: History) -> Iterator[str]:
-    told = [(at_s, e) for at_s, e in history.events if e.event.startswith("landing_")]
+    told = [(at_s, e) for at_s, e in history.events if e.event in LANDING_EVENTS]
     for at_s, event in told:
         if event.event == "landing_requested":
             yield f"requested at {at_s:.1f} s (frame {event.frame})"
@@ -180,7 +181,7 @@ def _refusals(history: History) -> Iterator[str]:
 
 
 def _trouble(history: History) -> Iterator[str]:
-    told = [t for t in history.events if t[1].severity != "info" and not t[1].event.startswith("landing_")]
+    told = [t for t in history.events if t[1].severity != "info" and t[1].event not in LANDING_EVENTS]
     for at_s, event in told[:TROUBLE_SHOWN]:
         yield f"{at_s:5.1f} s  {event.text}"
     if len(told) > TROUBLE_SHOWN:

@@ -22,24 +22,32 @@ def missing_files(loaded: LoadedSettings) -> Iterator[str]:
             yield f"{loaded.origins[entry.path]}: {entry.path} = {written(value)}: there is no such file"
 
 
-def in_force(loaded: LoadedSettings) -> Iterator[str]:
-    """The settings as TOML; each with its unit, its meaning and its origin behind it."""
+def in_force(loaded: LoadedSettings, internal: bool = False) -> Iterator[str]:
+    """The settings as TOML; each with its unit, its meaning and its origin behind it.
+
+    Of the internal settings only those that a file or an override sets, or all with ``internal``.
+    """
     section = ""
     for entry in entries():
+        if entry.internal and not internal and loaded.origins[entry.path] == DEFAULT:
+            continue
         if (head := entry.path.rpartition(".")[0]) != section:
             yield f"{'' if not section else chr(10)}[{head}]"
             section = head
         value = f"{entry.path.rpartition('.')[2]} = {written(value_of(loaded.settings, entry.path))}"
         origin = loaded.origins[entry.path]
-        remarks = [entry.unit, entry.meaning, origin if origin == DEFAULT else f"from {origin}"]
+        remarks = [entry.unit, entry.meaning, "internal" if entry.internal else ""]
+        remarks += [origin if origin == DEFAULT else f"from {origin}"]
         yield f"{value:<36}  # {'; '.join(filter(None, remarks))}"
 
 
-def markdown_table() -> Iterator[str]:
-    """All settings, one row each, as docs/settings.md shows them."""
-    yield "| setting | default | what may be written | meaning |"
+def markdown_table(internal: bool = False) -> Iterator[str]:
+    """The users' settings, or the internal ones, one row each, as docs/settings.md shows them."""
+    yield "| setting | default | allowed values | meaning |"
     yield "|---|---|---|---|"
     for entry in entries():
+        if entry.internal != internal:
+            continue
         default = written(entry.default) or "(none)"
         yield f"| `{entry.path}` | `{default}` | {_allowed(entry)} | {entry.meaning} |"
 

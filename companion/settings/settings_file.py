@@ -6,12 +6,13 @@ section, is read, bounded, explained and overridable without further code.
 
 import dataclasses
 import difflib
+import functools
 import math
 import re
 import tomllib
 import types
 import typing
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -19,7 +20,9 @@ from typing import Any, Literal
 import msgspec
 
 from companion.errors import SettingsError
-from companion.settings.settings import FilePath, Settings
+from companion.settings.marks import FilePath, UserSettings
+from companion.settings.moved import MOVED
+from companion.settings.settings import Settings
 from landing.options import Limits
 
 T = typing.TypeVar("T")
@@ -38,6 +41,7 @@ class Entry:
     meaning: str
     is_file: bool
     must_exist: bool
+    internal: bool = False
 
     @property
     def unit(self) -> str:
@@ -47,23 +51,35 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class LoadedSettings:
-    """The settings in force, and for each path where it came from ("default", "FILE:LINE", "--set")."""
+    """The settings in force, and for each path where it came from ("default", "FILE:LINE", "--set").
+
+    ``notes`` has one line for each setting that was given under a name of an earlier version.
+    """
 
     settings: Settings
     origins: dict[str, str]
     file: Path | None
+    notes: tuple[str, ...] = ()
 
 
-def entries(section: type = Settings, prefix: str = "") -> Iterator[Entry]:
-    """Every setting there is, in the order of the dataclasses."""
-    hints = typing.get_type_hints(section, include_extras=True)
+def entries(
+    section: type = Settings, prefix: str = "", users: Collection[str] | None = None
+) -> Iterator[Entry]:
+    """Every setting there is, in the order of the dataclasses.
+
+    ``users`` names the fields of ``section`` that are for users; None: all are.
+    """
+    hints = _hints(section)
     for field in dataclasses.fields(section):
         hint = hints[field.name]
         path = prefix + field.name
-        if dataclasses.is_dataclass(hint):
-            yield from entries(typing.cast(type, hint), path + ".")
+        kind = _bare(hint)
+        if dataclasses.is_dataclass(kind):
+            mark = _mark(hint, UserSettings)
+            yield from entries(typing.cast(type, kind), path + ".", mark.names if mark else None)
         else:
-            yield _entry(path, hint, _default(field))
+            internal = users is not None and field.name not in users
+            yield _entry(path, hint, _default(field), internal)
 
 
 def load(file: Path | None, overrides: Sequence[str] = ()) -> LoadedSettings:
@@ -76,26 +92,38 @@ def load(file: Path | None, overrides: Sequence[str] = ()) -> LoadedSettings:
     values: dict[str, Any] = {}
     origins = dict.fromkeys(known, DEFAULT)
     faults: list[str] = []
+    notes: list[str] = []
+
+    def take(given: str, raw: Any, directory: Path, origin: str, where: str) -> None:
+        path = given
+        if given not in known and given in MOVED:
+            path = MOVED[given].now
+            notes.append(f"{where}: {given} {MOVED[given].note}")
+            if not path:
+                return
+        try:
+            values[path] = _checked(known, path, raw, directory)
+            origins[path] = origin
+        except ValueError as fault:
+            faults.append(f"{where}: {fault}")
+
     if file is not None:
         text = _read(file)
         lines = _lines(text)
         for path, raw in _flatten(_parse(file, text), known):
             where = f"{file}:{lines[path]}" if path in lines else str(file)
-            try:
-                values[path] = _checked(known, path, raw, file.parent)
-                origins[path] = where
-            except ValueError as fault:
-                faults.append(f"{where}: {fault}")
+            take(path, raw, file.parent, where, where)
     for override in overrides:
+        where = f"{OVERRIDE} {override}"
         try:
             path, raw = _override(override, known)
-            values[path] = _checked(known, path, raw, Path())
-            origins[path] = OVERRIDE
         except ValueError as fault:
-            faults.append(f"{OVERRIDE} {override}: {fault}")
+            faults.append(f"{where}: {fault}")
+        else:
+            take(path, raw, Path(), OVERRIDE, where)
     if faults:
         raise SettingsError("\n".join(faults))
-    return LoadedSettings(_build(Settings, "", values), origins, file)
+    return LoadedSettings(_build(Settings, "", values), origins, file, tuple(notes))
 
 
 def read_section(section: type[T], table: dict[str, Any], where: str, directory: Path = Path()) -> T:
@@ -149,14 +177,24 @@ def type_name(entry: Entry) -> str:
     return " or ".join(names.get(member, str(member)) for member in members)
 
 
-def _entry(path: str, hint: Any, default: Any) -> Entry:
+def _entry(path: str, hint: Any, default: Any, internal: bool) -> Entry:
     marks: tuple[Any, ...] = getattr(hint, "__metadata__", ())
-    limits = next((mark for mark in marks if isinstance(mark, Limits)), None)
     words = (mark if isinstance(mark, str) else getattr(mark, "meaning", "") for mark in marks)
     meaning = next(filter(None, words), "")
-    file = next((mark for mark in marks if isinstance(mark, FilePath)), None)
+    file = _mark(hint, FilePath)
     must_exist = file is not None and file.must_exist
-    return Entry(path, _bare(hint), default, limits, meaning, file is not None, must_exist)
+    limits = _mark(hint, Limits)
+    return Entry(path, _bare(hint), default, limits, meaning, file is not None, must_exist, internal)
+
+
+@functools.cache
+def _hints(section: type) -> dict[str, Any]:
+    return typing.get_type_hints(section, include_extras=True)
+
+
+def _mark(hint: Any, kind: type[T]) -> T | None:
+    """The first annotation of that kind behind a type."""
+    return next((mark for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, kind)), None)
 
 
 def _default(field: "dataclasses.Field[Any]") -> Any:
@@ -274,12 +312,13 @@ def _nearest(word: str, names: typing.Iterable[str]) -> str:
 
 
 def _build(section: type, prefix: str, values: dict[str, Any]) -> Any:
-    hints = typing.get_type_hints(section)
+    hints = _hints(section)
     chosen = {}
     for field in dataclasses.fields(section):
         path = prefix + field.name
-        if dataclasses.is_dataclass(hints[field.name]):
-            chosen[field.name] = _build(typing.cast(type, hints[field.name]), path + ".", values)
+        kind = _bare(hints[field.name])
+        if dataclasses.is_dataclass(kind):
+            chosen[field.name] = _build(typing.cast(type, kind), path + ".", values)
         elif path in values:
             chosen[field.name] = values[path]
     return section(**chosen)

@@ -41,7 +41,7 @@ class Run:
     outcome: str
     """"right", "unsafe" (it landed on ground that is plainly not to land on), "view" (requested with plainly unfit
     ground somewhere in view, but none where it landed), "missed", "between" (requested, neither plainly),
-    "crashed: why"."""
+    "crashed" (``error`` says why)."""
     requested_s: float | None
     inclination_deg: float | None
     """True, of the ground in view at the request."""
@@ -55,6 +55,7 @@ class Run:
     chance_s: float
     """Of that, while the ground straight below was in view, from low enough to tell what lies on it."""
     elapsed_s: float
+    error: str = ""
 
     @property
     def wrong(self) -> bool:
@@ -64,10 +65,11 @@ class Run:
     @property
     def crashed(self) -> bool:
         """Whether the software broke."""
-        return self.outcome.startswith("crashed")
+        return self.outcome == "crashed"
 
     def __str__(self) -> str:
         what = f"missed fit ground of {self.chance_s:.1f} s" if self.outcome == "missed" else self.outcome
+        what += f": {self.error}" if self.error else ""
         if self.requested_s is not None:
             what += f": requested at {self.requested_s:.1f} s"
             what += f" on {self.inclination_deg:.1f} degrees, relief {self.relief:.4f}; touched down on"
@@ -303,9 +305,9 @@ def _all(seeds: range, jobs: int, config: Path | None, overrides: tuple[str, ...
 def _crashed(seed: int, error: BaseException) -> Run:
     scenario = random_scenario(seed)
     fault = scenario.faults[0].kind if scenario.faults else ""
-    what = f"crashed: {type(error).__name__}: {error}"
+    what = f"{type(error).__name__}: {error}"
     nothing: tuple[None, None, None, None, None] = (None,) * 5
-    return Run(seed, scenario.basics.description, fault, what, *nothing, False, 0.0, 0.0, 0.0)
+    return Run(seed, scenario.basics.description, fault, "crashed", *nothing, False, 0.0, 0.0, 0.0, what)
 
 
 def _quiet() -> None:

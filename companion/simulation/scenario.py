@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from companion.errors import SettingsError
-from companion.settings.settings import Meaning, Settings
+from companion.settings.marks import Meaning
+from companion.settings.settings import Settings
 from companion.settings.settings_file import load, read_section, written
 from drivers.errors import DriverError
 from drivers.simulated.world.world import World, build_world

@@ -6,74 +6,80 @@ from dataclasses import dataclass
 from landing.estimate import SurfaceEstimate
 from landing.ground.landing_area import LandingArea
 from landing.options import DecisionOptions
+from landing.reasons import Certainty, Code, Reason, Status
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """``verdict`` is "fit", "unfit" or "unknown"; ``reasons`` say in words what stands against landing."""
+    """``verdict`` is "fit", "unfit" or "unknown"; ``reasons`` are what speaks against landing."""
 
     verdict: str
-    reasons: tuple[str, ...]
+    reasons: tuple[Reason, ...]
     since_s: float
     changed: bool
 
 
-def against_flat(estimate: SurfaceEstimate, options: DecisionOptions, widen: float = 0.0) -> tuple[str, ...]:
-    """What stands against calling the surface flat, in words; empty when it is flat.
+def against_flat(
+    estimate: SurfaceEstimate, options: DecisionOptions, widen: float = 0.0
+) -> tuple[Reason, ...]:
+    """What speaks against calling the surface flat; empty when it is flat.
 
     The upper bounds (``options.sigmas`` standard deviations) of inclination and roughness must lie below the
     limits, which ``widen`` relaxes by a share.
     """
-    o = options
-    if estimate.status != "ok":
-        return (f"no estimate: {estimate.status.replace('_', ' ')}",)
-    reasons = []
-    inclination_limit = o.max_inclination_deg * (1 + widen)
-    roughness_limit = o.max_roughness * (1 + widen)
-    if not math.isfinite(estimate.inclination_deg):
-        reasons.append("inclination unknown without an attitude")
-    elif estimate.inclination_deg > inclination_limit:
-        reasons.append(f"too steep: {estimate.inclination_deg:.1f} degrees, limit {inclination_limit:.1f}")
-    else:
-        upper = estimate.inclination_deg + o.sigmas * estimate.inclination_std_deg
-        if not upper <= inclination_limit:
-            reasons.append(
-                f"inclination uncertain: {estimate.inclination_deg:.1f} degrees, may be {upper:.1f},"
-                f" limit {inclination_limit:.1f}"
-            )
-    if not math.isfinite(estimate.roughness):
-        reasons.append("roughness unknown")
-    elif estimate.roughness > roughness_limit:
-        sure = estimate.roughness - o.sigmas * estimate.roughness_std > roughness_limit
-        how = "perhaps " if estimate.unsettled else "" if sure else "probably "
-        reasons.append(
-            f"{how}too rough: {estimate.roughness:.4f} of the distance, limit {roughness_limit:.4f}"
-        )
-    elif estimate.suspicious:
-        reasons.append("perhaps too rough: something may stand out where ground has just come into view")
-    else:
-        upper = estimate.roughness + o.roughness_sigmas * estimate.roughness_std
-        if not upper <= roughness_limit:
-            reasons.append(
-                f"roughness uncertain: {estimate.roughness:.4f}, may be {upper:.4f}, limit {roughness_limit:.4f}"
-            )
-    if estimate.standing > o.max_standing:
-        reasons.append(f"too rough: {estimate.standing} points stand out, limit {o.max_standing}")
-    if estimate.unlike:
-        reasons.append(
-            "perhaps another surface: what comes into view is unlike the rest and not measured yet"
-        )
-    if not estimate.coverage >= o.min_coverage:
-        reasons.append(
-            f"too little of the surface seen: {estimate.coverage:.2f}, at least {o.min_coverage:.2f}"
-        )
-    return tuple(reasons)
+    if estimate.status != Status.OK:
+        return (Reason(Code.NO_ESTIMATE, status=estimate.status),)
+    found = (
+        _inclination(estimate, options, widen),
+        _roughness(estimate, options, widen),
+        _obstacles(estimate, options),
+        Reason(Code.APPEARANCE_CHANGE) if estimate.unlike else None,
+        _coverage(estimate, options),
+    )
+    return tuple(reason for reason in found if reason is not None)
+
+
+def _inclination(estimate: SurfaceEstimate, o: DecisionOptions, widen: float) -> Reason | None:
+    value, limit = estimate.inclination_deg, o.max_inclination_deg * (1 + widen)
+    if not math.isfinite(value):
+        return Reason(Code.INCLINATION_UNKNOWN)
+    if value > limit:
+        return Reason(Code.TOO_STEEP, Certainty.CERTAIN, value, limit=limit)
+    upper = value + o.sigmas * estimate.inclination_std_deg
+    return (
+        None if upper <= limit else Reason(Code.INCLINATION_UNCERTAIN, value=value, upper=upper, limit=limit)
+    )
+
+
+def _roughness(estimate: SurfaceEstimate, o: DecisionOptions, widen: float) -> Reason | None:
+    value, std, limit = estimate.roughness, estimate.roughness_std, o.max_roughness * (1 + widen)
+    if not math.isfinite(value):
+        return Reason(Code.ROUGHNESS_UNKNOWN)
+    if value > limit:
+        sure = Certainty.CERTAIN if value - o.sigmas * std > limit else Certainty.PROBABLE
+        return Reason(Code.TOO_ROUGH, Certainty.POSSIBLE if estimate.unsettled else sure, value, limit=limit)
+    if estimate.suspicious:
+        return Reason(Code.ROUGHNESS_AT_BORDER)
+    upper = value + o.roughness_sigmas * std
+    return None if upper <= limit else Reason(Code.ROUGHNESS_UNCERTAIN, value=value, upper=upper, limit=limit)
+
+
+def _obstacles(estimate: SurfaceEstimate, o: DecisionOptions) -> Reason | None:
+    if not estimate.standing > o.max_standing:
+        return None
+    return Reason(Code.OBSTACLE_POINTS, Certainty.CERTAIN, estimate.standing, limit=o.max_standing)
+
+
+def _coverage(estimate: SurfaceEstimate, o: DecisionOptions) -> Reason | None:
+    if estimate.coverage >= o.min_coverage:
+        return None
+    return Reason(Code.COVERAGE_TOO_LOW, Certainty.CERTAIN, estimate.coverage, limit=o.min_coverage)
 
 
 def against_landing(
     estimate: SurfaceEstimate, options: DecisionOptions, widen: float = 0.0, area: LandingArea | None = None
-) -> tuple[str, ...]:
-    """What stands against landing here: first what stands against flat, then what flat does not say.
+) -> tuple[Reason, ...]:
+    """What speaks against landing here: first what speaks against flat, then what flat leaves open.
 
     Relief over the distance shrinks with height: from far up a box looks even that would tip a vehicle over, so where
     the height is known the relief counts in metres, and the ground must be resolved finely enough to show such a box.
@@ -88,23 +94,16 @@ def against_landing(
         upper = (estimate.roughness + o.roughness_sigmas * estimate.roughness_std) * height_m
         limit = o.max_relief_m * (1 + widen)
         if upper > limit:
-            return (
-                f"too high to tell: relief may be {upper:.3f} m from {height_m:.1f} m, limit {limit:.3f} m",
-            )
+            return (Reason(Code.RELIEF_UNRESOLVED, upper=upper, limit=limit, height_m=height_m),)
     if area is None:
         return ()
     seen = area.look(estimate)
     limit = o.max_patch_m * (1 + widen)
     if seen.patch_m > limit:
-        return (
-            f"too high to tell: a track averages over {seen.patch_m:.2f} m from {height_m:.1f} m,"
-            f" limit {limit:.2f} m",
-        )
+        return (Reason(Code.GROUND_UNRESOLVED, value=seen.patch_m, limit=limit, height_m=height_m),)
     least = o.min_area_measured * (1 - widen)
     if not seen.measured >= least:
-        return (
-            f"the ground to land on is not seen: {seen.measured:.2f} of it is measured, at least {least:.2f}",
-        )
+        return (Reason(Code.GROUND_NOT_SEEN, value=seen.measured, limit=least),)
     return ()
 
 
@@ -118,7 +117,7 @@ class Decider:
         self.options, self.area = options, area
         self._flat_since: float | None = None
         self._seen_s = -math.inf
-        self._verdict = Verdict("unknown", ("nothing seen yet",), math.nan, False)
+        self._verdict = Verdict("unknown", (Reason(Code.NOTHING_SEEN),), math.nan, False)
 
     def step(self, estimate: SurfaceEstimate) -> Verdict:
         """Take the next estimate; times must not fall."""
@@ -135,16 +134,16 @@ class Decider:
             held = now - self._flat_since
             if fit or held >= o.dwell_s:
                 return self._turn("fit", (), now)
-            return self._turn("unknown", (f"flat for {held:.1f} s only, {o.dwell_s:.1f} s asked for",), now)
-        certain = any(reason.startswith(("too steep", "too rough", "too little")) for reason in reasons)
-        doubtful = certain or any(reason.startswith("probably") for reason in reasons)
+            return self._turn("unknown", (Reason(Code.DWELL, value=held, limit=o.dwell_s),), now)
+        certain = any(reason.certainty is Certainty.CERTAIN for reason in reasons)
+        doubtful = any(reason.ends_verdict for reason in reasons)
         if fit and not doubtful and now - self._seen_s <= o.patience_s:
             return self._turn("fit", (), now)
         if doubtful or now - self._seen_s > o.patience_s:
             self._flat_since = None
         return self._turn("unfit" if certain else "unknown", reasons, now)
 
-    def _turn(self, verdict: str, reasons: tuple[str, ...], now: float) -> Verdict:
+    def _turn(self, verdict: str, reasons: tuple[Reason, ...], now: float) -> Verdict:
         changed = verdict != self._verdict.verdict
         since = now if changed or math.isnan(self._verdict.since_s) else self._verdict.since_s
         self._verdict = Verdict(verdict, reasons, since, changed)

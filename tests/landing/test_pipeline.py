@@ -14,6 +14,7 @@ from landing.errors import LandingError
 from landing.observation import Observation
 from landing.options import EstimatorOptions, Options
 from landing.pipeline import SurfacePipeline
+from landing.reasons import Code
 from landing.rotations import matrix_from_euler
 from landing.vision.camera import CameraModel, body_from_camera
 
@@ -36,7 +37,7 @@ def camera(slope: PlaneSequence) -> CameraModel:
     ("slope_deg", "axis", "motion"), [(0, "x", "x"), (30, "x", "y"), (45, "y", "x"), (60, "y", "y")]
 )
 def test_sideways(slope_deg: float, axis: str, motion: str):
-    """``python tests/image_sequences.py`` measures this over more textures."""
+    """``python tests/tools/image_sequences.py`` measures this over more textures."""
     made = plane_sequence("gravel", slope_deg, axis, motion, 24, fine=False)
     found = sequences.estimates(made.images, sequences.camera_of(made))
     error = np.abs(sequences.slope_errors_deg(made, found))[sequences.WARM_UP :]
@@ -81,7 +82,7 @@ def test_the_slope_is_where_it_is_in_the_world(slope: PlaneSequence, camera: Cam
     assert last.surface_pitch_deg == pytest.approx(15, abs=0.5)
     assert last.surface_roll_deg == pytest.approx(0, abs=0.5)
     assert not last.flat
-    assert last.against_flat[0].startswith("too steep")
+    assert last.against_flat[0].code is Code.TOO_STEEP
     assert last.ventral_flow_x == pytest.approx(0.011 * sequences.RATE_HZ, rel=0.02)
     assert last.tracks is not None
     assert len(last.tracks.current_px) == len(last.tracks.inlier) == len(last.tracks.height)

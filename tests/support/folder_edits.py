@@ -1,77 +1,19 @@
 """Named edits of a recorded flight: each takes a copy of a flight folder and damages it in one way.
 
-``short_flight`` makes the copy: the first seconds of a flight, its video stored without loss. ``EDITS`` names the
-edits with what must come of them. ``samples_of`` and the functions on lists of samples do the same without files.
+``EDITS`` names the edits with what must come of them.
 """
 
-import shutil
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
-from places import REPOSITORY
+from flight_copy import Message, edit_rows, rewrite, short_flight
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from drivers.files.tlog import decode_record, records
-from drivers.files.video_file import VideoFile
-from drivers.samples import Attitude, Frame, Sample
+__all__ = ["EDITS", "Edit", "short_flight"]
 
-FLIGHTS = REPOSITORY / "sitl_logs"
 WRAP_MS = 2**32
-
-
-def short_flight(directory: Path, source: str = "stairs_a", seconds: float = 3.0) -> Path:
-    """The first seconds of a recorded flight as a flight folder of its own."""
-    flight = FLIGHTS / source
-    directory.mkdir(parents=True)
-    lines = (flight / "frames.csv").read_text().splitlines()
-    first_us = int(lines[1].split(",")[1])
-    kept = [line for line in lines[1:] if int(line.split(",")[1]) < first_us + seconds * 1e6]
-    (directory / "frames.csv").write_text("\n".join([lines[0], *kept]) + "\n")
-    video = VideoFile(flight / "camera.mkv")
-    fourcc = cv2.VideoWriter_fourcc(*"FFV1")
-    writer = cv2.VideoWriter(
-        str(directory / "camera.mkv"), cv2.CAP_FFMPEG, fourcc, video.fps, (video.width, video.height), False
-    )
-    for index, image in video.images():
-        if index == len(kept):
-            break
-        writer.write(image)
-    writer.release()
-    data = (flight / "vehicle.tlog").read_bytes()
-    end_us = first_us + (seconds + 0.2) * 1e6
-    (directory / "vehicle.tlog").write_bytes(
-        b"".join(data[r.start : r.end] for r in records(data) if r.stamp_us < end_us)
-    )
-    for name in ("camera.yaml", "landslope.toml"):
-        shutil.copy(flight / name, directory / name)
-    return directory
-
-
-Message = tuple[int, Any]
-"""Stamp in microseconds and a pymavlink message."""
-
-
-def rewrite(folder: Path, change: Callable[[list[Message]], Iterable[Message]]) -> None:
-    """Decode a folder's tlog, change the list of (stamp, message), and write it again."""
-    path = folder / "vehicle.tlog"
-    data = path.read_bytes()
-    messages = [(r.stamp_us, decode_record(data, r)) for r in records(data)]
-    written = bytearray()
-    for stamp_us, message in change(messages):
-        packer = mavlink.MAVLink(None, message.get_srcSystem(), message.get_srcComponent())
-        written += stamp_us.to_bytes(8, "big") + message.pack(packer)
-    path.write_bytes(bytes(written))
-
-
-def edit_rows(folder: Path, change: Callable[[list[list[str]]], Iterable[list[str]]]) -> None:
-    """Change the rows of a folder's frames.csv (without its first line)."""
-    path = folder / "frames.csv"
-    head, *lines = path.read_text().splitlines()
-    rows = change([line.split(",") for line in lines])
-    path.write_text("\n".join([head, *(",".join(row) for row in rows)]) + "\n")
 
 
 def _names(messages: list[Message], *names: str) -> list[int]:
@@ -362,39 +304,3 @@ EDITS: dict[str, Edit] = {
     "calibration_of_other_size": Edit(calibration_of_other_size, error=("camera.yaml", "640 x 240")),
     "calibration_unreadable": Edit(calibration_unreadable, error=("camera.yaml", "YAML")),
 }
-
-
-def drop(samples: Iterable[Sample], kind: type) -> list[Sample]:
-    """Samples without those of one kind."""
-    return [s for s in samples if not isinstance(s, kind)]
-
-
-def thin(samples: Iterable[Sample], kind: type, every: int) -> list[Sample]:
-    """Of one kind only every n-th sample."""
-    kept, count = [], 0
-    for sample in samples:
-        if isinstance(sample, kind):
-            count += 1
-            if count % every:
-                continue
-        kept.append(sample)
-    return kept
-
-
-def blank(samples: Iterable[Sample], first: int, last: int) -> list[Sample]:
-    """Frames from ``first`` to ``last`` go dark."""
-    return [
-        replace(s, image=s.image * 0) if isinstance(s, Frame) and first <= s.number <= last else s
-        for s in samples
-    ]
-
-
-def late(samples: Iterable[Sample], after_us: int, by_us: int) -> list[Sample]:
-    """Attitudes that arrive behind ``after_us`` arrive later by ``by_us``; in order of arrival."""
-    moved = [
-        replace(s, arrival_us=s.arrival_us + by_us)
-        if isinstance(s, Attitude) and s.arrival_us >= after_us
-        else s
-        for s in samples
-    ]
-    return sorted(moved, key=lambda s: s.arrival_us)

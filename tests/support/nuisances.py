@@ -1,6 +1,6 @@
 """What may disturb a flight without stopping it: named edits of samples, and of the tracks themselves.
 
-``python tests/nuisances.py`` prints the errors of every cut under every nuisance.
+``python tests/support/nuisances.py`` prints the errors of every cut under every nuisance.
 """
 
 import sys
@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
 
-import folder_edits
 import numpy as np
+import sample_edits
 from numpy.typing import NDArray
 from places import REPOSITORY
 from score import EVEN, SLOPE_MARGIN_DEG, UNEVEN, WHOLE_PLANE, truth_of
@@ -100,7 +100,7 @@ def late_stamps(by_us: int) -> Edit:
 
 def slow_attitude(samples: list[Sample]) -> list[Sample]:
     """Attitude at 10 Hz and gyro at 50 Hz of the 100 recorded."""
-    return folder_edits.thin(folder_edits.thin(samples, Attitude, 10), Imu, 2)
+    return sample_edits.thin(sample_edits.thin(samples, Attitude, 10), Imu, 2)
 
 
 def half_blank(number: int, image: Image) -> Image:

@@ -1,7 +1,7 @@
 """Estimates of a flight against its truth.csv: how wrong, how often, how safe.
 
-``python tests/score.py FLIGHT ESTIMATES.jsonl`` prints the figures, ``--table DIRECTORY FLIGHT...`` a row for each
-flight whose estimates are DIRECTORY/FLIGHT.jsonl. Truth has one row a camera frame:
+``python tests/support/score.py FLIGHT ESTIMATES.jsonl`` prints the figures, ``--table DIRECTORY FLIGHT...`` a row for
+each flight whose estimates are DIRECTORY/FLIGHT.jsonl. Truth has one row a camera frame:
 ``slope_a``, ``slope_b`` (tangents, camera frame), ``inclination_deg``, ``cam_wx`` to ``cam_wz`` (camera velocity
 over the distance along the axis, 1/s), ``plane_fraction`` (share of the view that belongs to the plane under the
 axis), ``relief`` (RMS distance of all that is in view from its best plane, over the distance along the axis) and

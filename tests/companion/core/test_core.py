@@ -2,9 +2,9 @@
 
 from collections import Counter
 
-import folder_edits
 import numpy as np
 import pytest
+import sample_edits
 
 from companion.core.core import Core, LandRequest, Processed
 from companion.messages.messages import Decision, Estimate, Event, Health, encode
@@ -93,7 +93,7 @@ def test_health_is_told_every_second(outputs):
 
 
 def test_frames_in_the_dark_have_a_reason(source, samples):
-    out = feed(source, folder_edits.blank(samples, 40, 60))
+    out = feed(source, sample_edits.blank(samples, 40, 60))
     dark = [e for e in of(out, Estimate) if 42 <= e.frame <= 60]
     assert all(e.status != "ok" for e in dark)
     assert all(e.slope_x_deg is None and not e.flat for e in dark)
@@ -101,7 +101,7 @@ def test_frames_in_the_dark_have_a_reason(source, samples):
 
 
 def test_without_attitude_the_slope_is_relative_to_the_camera_and_nothing_is_fit(source, samples):
-    out = feed(source, folder_edits.drop(samples, Attitude), enabled=True)
+    out = feed(source, sample_edits.drop(samples, Attitude), enabled=True)
     estimates = of(out, Estimate)
     assert len(estimates) == 90
     assert all(e.inclination_deg is None and e.roll_deg is None for e in estimates)
@@ -111,7 +111,7 @@ def test_without_attitude_the_slope_is_relative_to_the_camera_and_nothing_is_fit
 
 
 def test_sparse_attitude_with_gyro_gives_the_same_surface(source, samples, outputs):
-    sparse = feed(source, folder_edits.thin(samples, Attitude, 10))
+    sparse = feed(source, sample_edits.thin(samples, Attitude, 10))
     full = {e.frame: e for e in of(outputs, Estimate) if e.status == "ok"}
     both = [(full[e.frame], e) for e in of(sparse, Estimate) if e.status == "ok" and e.frame in full]
     assert len(both) >= 50
@@ -121,7 +121,7 @@ def test_sparse_attitude_with_gyro_gives_the_same_surface(source, samples, outpu
 
 def test_attitudes_that_come_too_late_are_done_without(source, samples):
     start_us = samples[0].arrival_us + 1_500_000
-    out = feed(source, folder_edits.late(samples, start_us, NO_SAMPLE_US))
+    out = feed(source, sample_edits.late(samples, start_us, NO_SAMPLE_US))
     assert [e.frame for e in of(out, Estimate)] == list(range(90))
     assert any(e.roll_deg is None for e in of(out, Estimate))
 

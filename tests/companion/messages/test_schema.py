@@ -1,6 +1,7 @@
 """The printed schemas are valid, describe the real messages, and the documentation repeats them."""
 
 import json
+import re
 
 import jsonschema
 import msgspec
@@ -10,6 +11,7 @@ from places import REPOSITORY
 
 from companion.cli import main
 from companion.messages import schema
+from companion.messages.events import COMMAND_EVENTS, EVENTS, LANDING_EVENTS
 from companion.messages.messages import (
     TOPICS,
     Decision,
@@ -22,14 +24,16 @@ from companion.messages.messages import (
 from companion.messages.preview import overlay
 from drivers.samples import Frame
 from landing.estimate import SurfaceEstimate, TrackView
+from landing.reasons import MEANING, STATUS_MEANING, Certainty, Code, Reason, Status, words
 
 DOCS = REPOSITORY / "docs"
+STEEP = Reason(Code.TOO_STEEP, Certainty.CERTAIN, 12.5, limit=10.0)
 
 
 def example(name: str) -> bytes:
     """A real message of each kind as it goes out."""
     estimate = SurfaceEstimate(
-        frame=3, time_s=0.1, status="ok", method="map", inclination_deg=12.5, against_flat=("12.5 > 10 deg",)
+        frame=3, time_s=0.1, status="ok", method="map", inclination_deg=12.5, against_flat=(STEEP,)
     )
     match name:
         case "estimate":
@@ -41,6 +45,7 @@ def example(name: str) -> bytes:
                     time_unix_us=1,
                     verdict="unfit",
                     reasons=("steep",),
+                    reason_codes=(str(STEEP.code),),
                     since_unix_us=1,
                     permitted=False,
                     withheld=(),
@@ -120,3 +125,41 @@ def test_the_command_prints_one_schema_or_all(capsys: pytest.CaptureFixture[str]
     assert set(json.loads(capsys.readouterr().out)) == {topic.name for topic in TOPICS}
     assert main(["schema", "land"]) == 2
     assert "no message 'land'" in capsys.readouterr().err
+
+
+def test_every_reason_and_status_has_a_meaning_and_words() -> None:
+    assert list(MEANING) == list(Code)
+    assert list(STATUS_MEANING) == list(Status)
+    for certainty in Certainty:
+        said = {words(Reason(code, certainty, 1, 2, 3, 4, "no_fit")) for code in Code}
+        assert len(said) == len(Code)
+        assert not any("{" in text or "_" in text for text in said)
+
+
+def test_a_code_that_is_not_in_the_table_is_not_in_the_schema() -> None:
+    wanted = schema.schema_of("decision")
+    message = json.loads(example("decision"))
+    jsonschema.validate(message, wanted)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate({**message, "reason_codes": ["too_stony"]}, wanted)
+
+
+EVENT_CALLS = re.compile(
+    r'(?:DriverEvent|Event|event|Notice|_tell|_event|_say)\(\s*(?:event=)?"([a-z]+(?:_[a-z]+)+)"'
+)
+
+
+def test_every_event_that_the_code_makes_is_in_the_table() -> None:
+    made = {
+        (name, file.name)
+        for folder in ("companion", "drivers")
+        for file in (REPOSITORY / folder).rglob("*.py")
+        for name in EVENT_CALLS.findall(file.read_text())
+    }
+    assert len(made) > 15, "the search finds nothing any more"
+    assert not {(name, file) for name, file in made if name not in EVENTS}
+
+
+def test_every_event_of_a_landing_is_listed_as_one():
+    assert {name for name in EVENTS if name.startswith("landing_")} == LANDING_EVENTS
+    assert EVENTS.keys() >= COMMAND_EVENTS >= LANDING_EVENTS

@@ -12,6 +12,7 @@ from msgspec.structs import replace as replace_struct
 from companion.messages.messages import Decision
 from companion.replay.overlay import COLOURS, OverlayWriter, Scene, draw, reasons
 from landing.estimate import SurfaceEstimate, TrackView
+from landing.reasons import Certainty, Code, Reason
 from landing.vision.camera import CameraModel
 
 CAMERA = CameraModel.from_focal(320, 240, 256.0)
@@ -34,9 +35,9 @@ def decision(verdict: str) -> Decision:
 
 def test_the_reasons_are_those_of_the_frame_where_it_has_any():
     even = SurfaceEstimate(0, 0.0, "ok", "map")
-    steep = replace(even, against_flat=("too steep: 31.6 degrees, limit 10.0",))
+    steep = replace(even, against_flat=(Reason(Code.TOO_STEEP, Certainty.CERTAIN, 31.6, limit=10.0),))
     old = decision("unfit")
-    assert reasons(steep, old) == steep.against_flat
+    assert reasons(steep, old) == ("too steep: 31.6 degrees, limit 10.0",)
     assert reasons(even, old) == old.reasons
     # a frame above the limit within the hysteresis does not unmake a fit surface
     assert reasons(steep, replace_struct(old, verdict="fit", reasons=())) == ()

@@ -254,7 +254,7 @@ def test_flights_that_went_wrong_come_first_in_the_report() -> None:
         run(2, "missed", fit_s=4.0, chance_s=4.0),
         run(3, "view", 1.0),
         run(4, "unsafe", 1.0),
-        run(5, "crashed: IndexError: none there"),
+        replace(run(5, "crashed"), error="IndexError: none there"),
         run(6, "right"),
         run(7, "right", fit_s=5.0, chance_s=1.0),
     ]

@@ -6,26 +6,22 @@ import subprocess
 import sys
 import threading
 import time
-import types
 from itertools import pairwise
 
-import cv2
 import numpy as np
 import pytest
 from camera_support import SITL_LOGS, MjpegServer, moving, rtsp_server, textured
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.cameras import Camera, CameraFormat, Grab, ReaderLimits, open_camera
+from drivers.cameras import Camera, Grab, ReaderLimits, open_camera
 from drivers.cameras.checks import FrameCheck
 from drivers.cameras.grey import grey_of
-from drivers.cameras.picamera import PicameraGrabber
 from drivers.cameras.reader import ReaderCamera
 from drivers.cameras.stamping import MinimumDelayStamper
-from drivers.cameras.v4l2 import V4l2Grabber
 from drivers.errors import DriverError
 from drivers.samples import Frame, Refusal
-from drivers.system.host_clock import from_monotonic_us, now_us
+from drivers.system.host_clock import now_us
 
 QUICK = ReaderLimits(open_timeout_s=2.0, read_timeout_s=0.4, first_retry_s=0.05, longest_retry_s=0.2)
 PATIENCE_S = 20.0
@@ -211,148 +207,6 @@ def test_missing_device_is_waited_for_and_named(tmp_path):
 def test_a_source_that_is_none_says_what_may_stand_there(source):
     with pytest.raises(DriverError, match="rtsp://"):
         open_camera(source)
-
-
-class FakeV4l2:
-    """cv2.VideoCapture's way with a V4L2 device: properties, kernel stamps, buffers."""
-
-    def __init__(self, clock_us, fixed_size=(160, 120), alive=10) -> None:
-        self.clock_us, self.alive = clock_us, alive
-        self.props = {cv2.CAP_PROP_FRAME_WIDTH: fixed_size[0], cv2.CAP_PROP_FRAME_HEIGHT: fixed_size[1]}
-        self.sizes, self.released, self.stamp_us, self.count = (fixed_size,), False, 0, 0
-
-    def isOpened(self) -> bool:
-        return True
-
-    def set(self, prop, value) -> bool:
-        if prop not in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT):
-            self.props[prop] = value
-        return True
-
-    def get(self, prop) -> float:
-        return self.stamp_us / 1000 if prop == cv2.CAP_PROP_POS_MSEC else self.props.get(prop, -1.0)
-
-    def grab(self) -> bool:
-        self.count += 1
-        self.stamp_us = self.clock_us() - 7000
-        return self.count <= self.alive
-
-    def retrieve(self):
-        yuyv = np.dstack([textured(self.count), np.full((120, 160), 128, np.uint8)])
-        return True, yuyv
-
-    def release(self) -> None:
-        self.released = True
-
-
-def v4l2(monkeypatch, tmp_path, device: FakeV4l2, wanted: CameraFormat) -> V4l2Grabber:
-    path = tmp_path / "video0"
-    path.touch()
-    monkeypatch.setattr(cv2, "VideoCapture", lambda *args: device)
-    return V4l2Grabber(str(path), wanted)
-
-
-def test_v4l2_takes_the_kernels_stamp_and_fixes_exposure_gain_and_format(monkeypatch, tmp_path):
-    device = FakeV4l2(lambda: time.monotonic_ns() // 1000)
-    wanted = CameraFormat(160, 120, 30, exposure_us=2000, gain=16, pixel_format="YUYV")
-    grabber = v4l2(monkeypatch, tmp_path, device, wanted)
-    grabber.open()
-    grab = grabber.grab()
-    assert grab.captured_us == from_monotonic_us(device.stamp_us)
-    assert np.array_equal(grab.image, textured(1))
-    assert device.props[cv2.CAP_PROP_AUTO_EXPOSURE] == 1
-    assert device.props[cv2.CAP_PROP_EXPOSURE] == 20
-    assert device.props[cv2.CAP_PROP_GAIN] == 16
-    assert device.props[cv2.CAP_PROP_FPS] == 30
-    assert device.props[cv2.CAP_PROP_CONVERT_RGB] == 0
-    for _ in range(device.alive - 1):
-        grabber.grab()
-    with pytest.raises(DriverError, match="unplugged"):
-        grabber.grab()
-    grabber.close()
-    assert device.released
-
-
-def test_v4l2_stamps_of_another_clock_give_way_to_the_arrival(monkeypatch, tmp_path, caplog):
-    device = FakeV4l2(lambda: time.time_ns() // 1000)
-    grabber = v4l2(monkeypatch, tmp_path, device, CameraFormat(pixel_format="YUYV"))
-    grabber.open()
-    stamps = [grabber.grab().captured_us for _ in range(3)]
-    assert all(abs(now_us() - stamp) < 1_000_000 for stamp in stamps)
-    assert caplog.text.count("monotonic clock") == 1
-
-
-def test_v4l2_size_that_the_device_does_not_have_is_refused(monkeypatch, tmp_path):
-    device = FakeV4l2(lambda: time.monotonic_ns() // 1000)
-    grabber = v4l2(monkeypatch, tmp_path, device, CameraFormat(640, 480))
-    with pytest.raises(DriverError, match="gives 160 x 120, not the 640 x 480"):
-        grabber.open()
-
-
-class FakePicamera2:
-    """picamera2's way with a sensor: a configuration, then completed requests of padded YUV 4:2:0."""
-
-    def __init__(self, number: int) -> None:
-        if number > 0:
-            raise IndexError("list index out of range")
-        self.running = False
-
-    def create_video_configuration(self, **configuration):
-        return configuration
-
-    def configure(self, configuration) -> None:
-        self.configuration = configuration
-
-    def start(self) -> None:
-        self.running = True
-
-    def capture_request(self):
-        self.stamp_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - 12_000_000
-        return self
-
-    def make_array(self, name: str):
-        return np.full((180, 192), 60, np.uint8)
-
-    def get_metadata(self):
-        return {"SensorTimestamp": self.stamp_ns}
-
-    def release(self) -> None:
-        return
-
-    def stop(self) -> None:
-        self.running = False
-
-    def close(self) -> None:
-        return
-
-
-@pytest.fixture
-def picamera2(monkeypatch):
-    module = types.SimpleNamespace(Picamera2=FakePicamera2)
-    monkeypatch.setitem(sys.modules, "picamera2", module)
-
-
-def test_picamera_is_fixed_and_stamped_by_the_sensor(picamera2):
-    grabber = PicameraGrabber(0, CameraFormat(160, 120, 50, exposure_us=3000, gain=2.0))
-    grabber.open()
-    grab = grabber.grab()
-    assert grab.image.shape == (120, 160)
-    assert now_us() - grab.captured_us == pytest.approx(12_000, abs=5_000)
-    controls = grabber._camera.configuration["controls"]
-    assert controls["FrameDurationLimits"] == (20_000, 20_000)
-    assert (controls["AeEnable"], controls["ExposureTime"], controls["AnalogueGain"]) == (False, 3000, 2.0)
-    grabber.close()
-    assert not grabber._camera.running
-
-
-def test_picamera_that_is_not_there(picamera2):
-    with pytest.raises(DriverError, match=r"Raspberry Pi camera 1: .*cable"):
-        PicameraGrabber(1, CameraFormat()).open()
-
-
-def test_picamera_without_the_library_says_what_to_install():
-    with pytest.raises(DriverError, match="python3-picamera2"):
-        PicameraGrabber(0, CameraFormat()).open()
 
 
 @given(

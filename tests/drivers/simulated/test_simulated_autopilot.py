@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from places import SUPPORT
+from places import TOOLS
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from simulated_autopilot_support import Station, free_udp_port
 
@@ -49,7 +49,7 @@ def test_mavsdk_takes_off_goes_and_lands() -> None:
         f"udpout:127.0.0.1:{port}", Multirotor(wind=Wind(2, 1, 0.5)), speed=3
     ) as autopilot:
         script = subprocess.run(
-            [sys.executable, SUPPORT / "mavsdk_flight.py", f"udpin://127.0.0.1:{port}"],
+            [sys.executable, TOOLS / "mavsdk_flight.py", f"udpin://127.0.0.1:{port}"],
             capture_output=True,
             text=True,
             timeout=120,

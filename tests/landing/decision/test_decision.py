@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from landing.decision.decision import Decider, against_flat, against_landing
 from landing.estimate import SurfaceEstimate
 from landing.options import DecisionOptions
+from landing.reasons import Code, in_words
 
 OPTIONS = DecisionOptions(
     max_inclination_deg=10.0,
@@ -77,7 +78,7 @@ def test_flat_has_nothing_against_it():
     ],
 )
 def test_each_condition_stands_against_flat_by_itself_in_words(change: dict, words: str):
-    assert against_flat(replace(FLAT, **change), OPTIONS) == (words,)
+    assert in_words(against_flat(replace(FLAT, **change), OPTIONS)) == (words,)
 
 
 def test_limits_themselves_are_flat():
@@ -90,7 +91,7 @@ def test_a_surface_is_fit_after_the_dwell_time_and_not_before():
     verdicts = run(decider, [FLAT] * 8)
     assert verdicts == ["unknown"] * 5 + ["fit"] * 3
     again = Decider(OPTIONS)
-    assert again.step(FLAT).reasons == ("flat for 0.0 s only, 0.5 s asked for",)
+    assert in_words(again.step(FLAT).reasons) == ("flat for 0.0 s only, 0.5 s asked for",)
 
 
 def test_a_steep_frame_restarts_the_dwell_time():
@@ -104,7 +105,7 @@ def test_a_steep_frame_ends_fit_at_once():
     assert run(decider, [FLAT] * 7)[-1] == "fit"
     verdict = decider.step(replace(STEEP, time_s=0.7))
     assert (verdict.verdict, verdict.changed) == ("unfit", True)
-    assert verdict.reasons[0].startswith("too steep")
+    assert verdict.reasons[0].code is Code.TOO_STEEP
 
 
 def test_once_fit_the_limits_are_wider():
@@ -172,8 +173,8 @@ def test_from_far_up_what_is_flat_is_not_fit_until_its_relief_can_be_told():
     assert against_landing(near, options) == ()
     assert against_landing(FLAT, options) == (), "without a height there is only relief over distance"
     (reason,) = against_landing(far, options)
-    assert "20.0 m" in reason
-    assert "0.050 m" in reason
+    assert reason.code is Code.RELIEF_UNRESOLVED
+    assert (reason.height_m, reason.limit) == (20.0, 0.05)
     assert "fit" not in run(Decider(options), [far] * 20)
     assert run(Decider(options), [far] * 5 + [near] * 10)[-1] == "fit"
 

@@ -11,6 +11,7 @@ from landing.observation import Observation
 from landing.options import Options
 from landing.pipeline import SurfacePipeline
 from landing.plane.plane import Plane
+from landing.reasons import Code, Reason
 from landing.vision.camera import CameraModel
 
 
@@ -126,7 +127,7 @@ def test_after_something_stood_out_nothing_is_flat_until_ground_has_passed(monke
     """At 4 px a frame 10 px have passed in the third frame after it."""
     flat, why = suspects(monkeypatch, {28}, sure=True)
     assert flat[:6] == [True, False, False, False, True, True]
-    assert why[:2] == 2 * ["perhaps too rough: something may stand out where ground has just come into view"]
+    assert why[:2] == 2 * [Reason(Code.ROUGHNESS_AT_BORDER)]
 
 
 def test_a_side_that_may_stand_out_is_not_flat_while_it_does(monkeypatch: pytest.MonkeyPatch):

@@ -10,6 +10,7 @@ from landing.decision.decision import Decider, against_flat, against_landing
 from landing.estimate import SurfaceEstimate, TrackView
 from landing.ground.landing_area import LandingArea
 from landing.options import DecisionOptions, TrackingOptions
+from landing.reasons import Code
 from landing.vision.camera import CameraModel, body_from_camera
 
 WIDTH, HEIGHT, FOCAL_PX = 160, 120, 120.0
@@ -104,7 +105,7 @@ def test_what_is_flat_is_not_fit_where_the_place_below_is_unseen():
     assert against_flat(beside, OPTIONS) == ()
     assert against_landing(FLAT, OPTIONS, 0.0, area) == ()
     (reason,) = against_landing(beside, OPTIONS, 0.0, area)
-    assert "not seen" in reason
+    assert reason.code is Code.GROUND_NOT_SEEN
     decider = Decider(OPTIONS, area)
     assert {decider.step(replace(beside, time_s=k * 0.1)).verdict for k in range(20)} == {"unknown"}
     assert "fit" in {decider.step(replace(FLAT, time_s=2 + k * 0.1)).verdict for k in range(20)}
@@ -116,7 +117,7 @@ def test_from_where_a_box_is_smaller_than_a_track_s_window_nothing_is_fit():
     even = replace(FLAT, roughness=0.0, roughness_std=0.0)
     assert against_landing(replace(even, height_m=lowest * 0.99), OPTIONS, 0.0, area) == ()
     (reason,) = against_landing(replace(even, height_m=lowest * 1.01), OPTIONS, 0.0, area)
-    assert reason.startswith("too high to tell")
+    assert reason.code is Code.GROUND_UNRESOLVED
 
 
 def test_whether_the_place_below_is_in_view_does_not_depend_on_tracks():

@@ -11,6 +11,7 @@ from landing.ground.unlike import Unlike
 from landing.observation import Observation
 from landing.options import Options
 from landing.pipeline import SurfacePipeline
+from landing.reasons import Code, Reason
 from landing.vision.camera import CameraModel
 
 OPTIONS = Options()
@@ -85,4 +86,4 @@ def test_the_reason_is_said():
         coverage=0.9, unlike=True,
     )  # fmt: skip
     (reason,) = against_flat(fine, OPTIONS.decision)
-    assert "unlike" in reason
+    assert reason == Reason(Code.APPEARANCE_CHANGE)

@@ -61,7 +61,7 @@ def test_the_gradient_is_the_derivative():
 
 @pytest.mark.parametrize(("outliers", "least"), [(0.0, 0.90), (0.3, 0.87), (0.5, 0.83)])
 def test_near_the_bound_honest_and_without_a_failure(outliers: float, least: float):
-    """``python tests/synthetic_flow.py`` measures this on 10,080 fits; the bounds allow for the smaller sample."""
+    """``python tests/tools/synthetic_flow.py`` measures 10,080 fits; the bounds allow for the smaller sample."""
     found = list(flow.trials(TRIALS, outliers, 11))
     assert not [t.case for t in found if t.failed]
     assert flow.efficiency(found) > least

@@ -1,7 +1,7 @@
 """The pipeline on sequences of pictures whose surface and motion are known exactly; prints its errors as a program.
 
-``python tests/image_sequences.py`` runs rendered planes (``--fine``: every pixel averaged),
-``python tests/image_sequences.py FOLDER`` a zoom on a flat
+``python tests/tools/image_sequences.py`` runs rendered planes (``--fine``: every pixel averaged),
+``python tests/tools/image_sequences.py FOLDER`` a zoom on a flat
 surface: image_1.jpg to image_99.jpg, between image k and k + 1 growing about the centre by tau / (tau - 1), tau =
 100 - k.
 """
