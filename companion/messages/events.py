@@ -40,6 +40,7 @@ EVENTS = {
     "rate_too_low": ("warning", "a message comes more rarely than was asked for"),
     "camera_lost": ("warning", "the camera gives no frames"),
     "camera_back": ("info", "the camera gives frames again"),
+    "stream_times_made_up": ("warning", "the stream's presentation times do not keep the pace of its frames"),
     "camera_ended": ("info", "the video is at its end"),
     "recording_started": ("info", "a flight folder was opened"),
     "recording_stopped": ("info", "the recording ended"),

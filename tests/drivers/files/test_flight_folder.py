@@ -8,6 +8,7 @@ from pathlib import Path
 import folder_edits
 import numpy as np
 import pytest
+from flight_copy import FLIGHTS
 
 from companion.core import core as core_module
 from companion.core.core import Core
@@ -122,7 +123,7 @@ def test_a_clock_that_was_set_does_not_mix_up_the_order(recorded, flight, second
 
 def test_frames_behind_damage_keep_their_number(tmp_path):
     """Frames that damage took out of the video are refused by their rows; those behind are not taken for them."""
-    recorded = folder_edits.FLIGHTS / "stairs_a"
+    recorded = FLIGHTS / "stairs_a"
     folder = Path(shutil.copytree(recorded, tmp_path / "flight"))
     folder_edits.video_damaged(folder)
     samples = list(FlightFolder(folder).samples())
@@ -147,6 +148,18 @@ def test_a_gap_that_the_stamps_have_too_is_no_loss(flight):
     folder = FlightFolder(flight)
     images = [image for _, image in video.images()]
     folder.video.timed_images = lambda: zip(times, images, strict=True)
+    samples = list(folder.samples())
+    assert [s.number for s in samples if isinstance(s, Frame)] == list(range(90))
+    assert not [s for s in samples if isinstance(s, Refusal)]
+
+
+def test_a_camera_off_the_nominal_rate_of_the_file_loses_no_frame(flight):
+    """28.6 frames a second written into a file of 30: one slot in twenty stays empty, no frame is missing."""
+    video = VideoFile(flight / "camera.mkv")
+    images = [image for _, image in video.images()]
+    slots = [k + k // 20 for k in range(len(images))]
+    folder = FlightFolder(flight)
+    folder.video.timed_images = lambda: zip([slot / video.fps for slot in slots], images, strict=True)
     samples = list(folder.samples())
     assert [s.number for s in samples if isinstance(s, Frame)] == list(range(90))
     assert not [s for s in samples if isinstance(s, Refusal)]

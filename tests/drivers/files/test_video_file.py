@@ -4,12 +4,13 @@ import cv2
 import folder_edits
 import numpy as np
 import pytest
+from flight_copy import FLIGHTS
 
 from drivers.errors import DriverError
 from drivers.files.video_file import ImageFolder, VideoFile, open_pictures
 from drivers.samples import Frame, Refusal
 
-RECORDED = folder_edits.FLIGHTS / "stairs_c" / "camera.mkv"
+RECORDED = FLIGHTS / "stairs_c" / "camera.mkv"
 
 
 def pictures(count, size=(96, 64)):
@@ -79,7 +80,7 @@ def test_a_cut_video_is_read_to_the_cut(tmp_path):
 
 
 def test_frames_behind_damage_keep_their_time(tmp_path):
-    recorded = folder_edits.FLIGHTS / "stairs_a" / "camera.mkv"
+    recorded = FLIGHTS / "stairs_a" / "camera.mkv"
     path = tmp_path / "damaged.mkv"
     path.write_bytes(folder_edits.damaged(recorded.read_bytes()))
     samples = list(VideoFile(path).frames())
