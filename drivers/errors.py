@@ -1,5 +1,10 @@
 """The one root of the errors that drivers raise."""
 
+from drivers.secrets import masked
+
 
 class DriverError(Exception):
-    """Something outside (file, device, link) cannot be used; the text names it, and what to do."""
+    """Something outside (file, device, link) cannot be used; the text names it, and what to do, but no secret."""
+
+    def __init__(self, text: object = "") -> None:
+        super().__init__(masked(str(text)))

@@ -66,21 +66,68 @@ class Velocity:
 
 @dataclass(frozen=True, slots=True)
 class Heartbeat:
-    """The autopilot's HEARTBEAT; ``mode`` is the flight mode by name ("GUIDED", "LAND", ...)."""
+    """The autopilot's HEARTBEAT; ``mode`` is the flight mode by name ("GUIDED", "LAND", ...).
+
+    ``system_status`` is a MAV_STATE, ``vehicle_type`` a MAV_TYPE by name ("quadrotor", "vtol_tiltrotor").
+    """
 
     arrival_us: int
     armed: bool
     mode: str
     autopilot: str
     system_status: int
+    vehicle_type: str = "quadrotor"
+
+
+@dataclass(frozen=True, slots=True)
+class CurrentMode:
+    """CURRENT_MODE (PX4): the flight mode, and the one that the pilot or a program asked for last, by name.
+
+    ``intended`` is empty where the autopilot does not tell. The two differ while a failsafe flies another mode.
+    """
+
+    arrival_us: int
+    mode: str
+    intended: str
+
+
+@dataclass(frozen=True, slots=True)
+class SystemStatus:
+    """SYS_STATUS: what the autopilot says of its radio receiver."""
+
+    arrival_us: int
+    radio_present: bool
+    radio_enabled: bool
+    radio_healthy: bool
+
+
+@dataclass(frozen=True, slots=True)
+class StatusText:
+    """The autopilot's STATUSTEXT; ``severity`` is a MAV_SEVERITY (0 is the gravest). One chunk of a longer text."""
+
+    arrival_us: int
+    severity: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class ManualControl:
+    """MANUAL_CONTROL: x, y, z, r of a joystick, -1000 to 1000 (z often 0 to 1000); None where there is no such axis."""
+
+    arrival_us: int
+    axes: tuple[int | None, int | None, int | None, int | None]
 
 
 @dataclass(frozen=True, slots=True)
 class LandedState:
-    """EXTENDED_SYS_STATE: "undefined", "on_ground", "in_air", "takeoff" or "landing"."""
+    """EXTENDED_SYS_STATE: "undefined", "on_ground", "in_air", "takeoff" or "landing".
+
+    ``vtol_state``: "undefined" (also of what is no VTOL), "transition", "multicopter" or "fixed_wing".
+    """
 
     arrival_us: int
     state: str
+    vtol_state: str = "undefined"
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +173,10 @@ Sample = (
     | Imu
     | Velocity
     | Heartbeat
+    | CurrentMode
+    | SystemStatus
+    | StatusText
+    | ManualControl
     | LandedState
     | RcChannels
     | ClockOffset

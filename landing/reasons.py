@@ -54,6 +54,7 @@ class Code(StrEnum):
 
     NOTHING_SEEN = "nothing_seen"
     NO_FRAMES = "no_frames"
+    UNCALIBRATED = "uncalibrated"
     NO_ESTIMATE = "no_estimate"
     INCLINATION_UNKNOWN = "inclination_unknown"
     TOO_STEEP = "too_steep"
@@ -74,6 +75,7 @@ class Code(StrEnum):
 MEANING = {
     Code.NOTHING_SEEN: "no estimate has come yet",
     Code.NO_FRAMES: "the camera gives no frames",
+    Code.UNCALIBRATED: "without a calibration of the camera no slope is known",
     Code.NO_ESTIMATE: "this frame has no estimate; its status says why",
     Code.INCLINATION_UNKNOWN: "without an attitude the inclination is unknown",
     Code.TOO_STEEP: "the inclination is above its limit",
@@ -119,6 +121,7 @@ _SURE = {Certainty.CERTAIN: "", Certainty.PROBABLE: "probably ", Certainty.POSSI
 _WORDS = {
     Code.NOTHING_SEEN: "nothing seen yet",
     Code.NO_FRAMES: "no frames",
+    Code.UNCALIBRATED: "the camera is not calibrated",
     Code.NO_ESTIMATE: "no estimate: {status}",
     Code.INCLINATION_UNKNOWN: "inclination unknown without an attitude",
     Code.TOO_STEEP: "too steep: {value:.1f} degrees, limit {limit:.1f}",

@@ -4,9 +4,11 @@ import argparse
 import sys
 from pathlib import Path
 
-from companion.errors import SettingsError
+from companion.errors import LandslopeError, SettingsError
 from companion.settings.listing import in_force, markdown_table, missing_files
+from companion.settings.settings import CameraSettings
 from companion.settings.settings_file import load
+from drivers.errors import DriverError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -37,6 +39,7 @@ def run(args: argparse.Namespace) -> int:
         missing = list(missing_files(loaded))
         if missing:
             raise SettingsError("\n".join(missing))
+        _check_calibration(loaded.settings.camera)
     except SettingsError as faults:
         print(faults, file=sys.stderr)
         return 2
@@ -49,3 +52,22 @@ def run(args: argparse.Namespace) -> int:
     else:
         print("\n".join(in_force(loaded, args.all)))
     return 0
+
+
+def _check_calibration(camera: CameraSettings) -> None:
+    """SettingsError for a calibration that no camera has, or of another size than the one asked for."""
+    if not camera.calibration:
+        return
+    from companion.core.camera_model import model_of  # OpenCV, for those who have a calibration
+    from drivers.files.camera_info import read_camera_info
+
+    try:
+        model = model_of(read_camera_info(Path(camera.calibration)), camera.calibration)
+    except (LandslopeError, DriverError) as error:
+        raise SettingsError(f"camera.calibration: {error}") from None
+    wanted = (camera.width or model.width, camera.height or model.height)
+    if wanted != (model.width, model.height):
+        raise SettingsError(
+            f"camera.width, camera.height: {wanted[0]} x {wanted[1]}, and {camera.calibration} is for "
+            f"{model.width} x {model.height}: calibrate at the size that is flown"
+        )

@@ -1,7 +1,7 @@
 """Run recorded flights, videos or folders of images through the pipeline, and say what happened.
 
 A FLIGHT is a flight folder, a plain video file or a folder of images. With several flights, which run in
-parallel, --out, --events, --plot and --video take a directory or a name with {flight} in it.
+parallel, --out, --events, --plot, --video and --report take a directory or a name with {flight} in it.
 """
 
 import argparse
@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 from companion.errors import LandslopeError
 from companion.replay.output import check_writable, names_of, outputs_for
 from drivers.errors import DriverError
+from drivers.files.video_writer import check_video_name
 from landing.errors import LandingError
 
 if TYPE_CHECKING:
@@ -37,7 +38,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     files.add_argument("--out", metavar="FILE.jsonl", help="one estimate a frame")
     files.add_argument("--events", metavar="FILE.jsonl", help="every change of decision and every event")
     files.add_argument("--plot", metavar="FILE.png", help="the flight at a glance (needs the extra 'plot')")
-    files.add_argument("--video", metavar="FILE.mp4", help="tracks, surface and verdict drawn on the frames")
+    files.add_argument("--video", metavar="FILE.webm", help="tracks, surface and verdict drawn on the frames")
+    files.add_argument(
+        "--report", metavar="FILE.html", help="one page of the flight that opens in any browser"
+    )
     files.add_argument(
         "--publish",
         action="store_true",
@@ -100,9 +104,13 @@ def _jobs(args: argparse.Namespace) -> "list[ReplayJob]":
                 f"{flight}: there is no such flight; give a flight folder, a video or an image folder"
             )
     wanted = {"out": args.out, "events": args.events, "plot": args.plot, "video": args.video}
+    wanted["report"] = args.report
     names = names_of(args.flights)
     outputs = [outputs_for(name, wanted, several) for name in names]
     check_writable(outputs)
+    for files in outputs:
+        if files.video is not None:
+            check_video_name(files.video)
     overrides = list(args.overrides)
     if args.publish and not any(word.startswith("zenoh.") for word in overrides):
         overrides.insert(0, "zenoh.scouting=true")  # on the desk, watchers are found by themselves

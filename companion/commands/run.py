@@ -3,10 +3,12 @@
 import argparse
 import logging
 import os
+import signal
 import threading
 from pathlib import Path
 
 from companion.settings.settings_file import load
+from drivers.secrets import masked
 
 FORMAT = "%(levelname)s %(name)s: %(message)s"
 PRIORITIES = ((logging.CRITICAL, 2), (logging.ERROR, 3), (logging.WARNING, 4), (logging.INFO, 6), (0, 7))
@@ -30,6 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run until SIGTERM or SIGINT; 1 when a thread broke, so that the service manager starts anew."""
     _log_to_stderr(logging.DEBUG if args.verbose else logging.INFO)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)  # until the daemon can take settings over
     loaded = load(args.config, args.overrides)
     for note in loaded.notes:
         logging.getLogger(__name__).warning("%s", note)
@@ -54,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
     # The other half of the imports; camera and autopilot answer meanwhile.
     from companion.live.daemon import Daemon, stop_on_signals
 
-    daemon = Daemon(settings, inputs)
+    daemon = Daemon(settings, inputs, lambda: load(args.config, args.overrides).settings)
     stop_on_signals(daemon)
     daemon.run()
     return 1 if broken.is_set() else 0
@@ -63,11 +66,18 @@ def run(args: argparse.Namespace) -> int:
 def _log_to_stderr(level: int) -> None:
     """Lines with the priority that journald reads, when it listens."""
     handler = logging.StreamHandler()
-    handler.setFormatter(_Priority() if "JOURNAL_STREAM" in os.environ else logging.Formatter(FORMAT))
+    handler.setFormatter(_Priority() if "JOURNAL_STREAM" in os.environ else _Masked(FORMAT))
     logging.basicConfig(level=level, handlers=[handler])
 
 
-class _Priority(logging.Formatter):
+class _Masked(logging.Formatter):
+    """Without the secrets that stand in URLs, tracebacks included."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return masked(super().format(record))
+
+
+class _Priority(_Masked):
     """``<4>`` in front of a warning, as sd-daemon(3) says; journald strips it and sets PRIORITY."""
 
     def __init__(self) -> None:

@@ -4,6 +4,8 @@ import argparse
 import json
 import sys
 import time
+from collections import deque
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +13,8 @@ import msgspec
 
 from companion.commands.closed_pipe import discard_output
 from companion.live.publisher import endpoints
+from companion.messages.messages import Decision, Estimate, Event, Health
+from companion.messages.received import printable, received
 from companion.settings.settings_file import load
 from drivers.bus import Delivery, Subscription
 
@@ -24,8 +28,12 @@ SILENT_AFTER_S = 2.0
 
 EVENTS_SHOWN = 6
 MESSAGE_TOPICS = ("estimate", "decision", "health", "event")
-COLOURS = {"fit": "bold white on green", "unfit": "bold white on red", "unknown": "bold white on grey37"}
+MOST_VEHICLES = 100
+COLOURS = {"fit": "bold white on green", "unfit": "bold white on red"}
+UNKNOWN_COLOUR = "bold white on grey37"
 WORDS = {"fit": "FIT FOR LANDING", "unfit": "NOT FIT", "unknown": "UNKNOWN"}
+FORBIDDEN = "NO LANDING"
+"""In place of a fit verdict beside which a standing condition forbids a landing."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -77,11 +85,11 @@ def line_of(delivery: Delivery) -> str:
     head: dict[str, Any] = {"vehicle": delivery.vehicle, "topic": delivery.topic}
     if delivery.alive is not None:
         return json.dumps(head | {"alive": delivery.alive})
-    try:
-        body = msgspec.json.decode(delivery.payload, type=dict[str, Any])
-    except msgspec.DecodeError:
-        body = {"refused": "not a JSON object"}
-    return json.dumps(head | body)
+    if received(delivery.topic, delivery.payload) is None:
+        return json.dumps(head | {"refused": f"not a message as the schema of {delivery.topic} says"})
+    body = msgspec.json.decode(delivery.payload, type=dict[str, Any])
+    # The key says whose message it is, whatever stands in it.
+    return json.dumps(head | body | head)
 
 
 def _lines(subscription: Subscription) -> int:
@@ -95,28 +103,51 @@ def _lines(subscription: Subscription) -> int:
                 return 0
 
 
+@dataclass(slots=True)
+class Known:
+    """What one vehicle said last."""
+
+    heard_s: float
+    changed_s: float
+    alive: bool = False
+    estimate: Estimate | None = None
+    decision: Decision | None = None
+    health: Health | None = None
+    events: deque[Event] = field(default_factory=lambda: deque(maxlen=EVENTS_SHOWN))
+    refused: int = 0
+    """Messages that do not follow the schema."""
+
+
 class View:
-    """What is known of each vehicle, as a table for the terminal."""
+    """What is known of each vehicle, as a table for the terminal. A vehicle is the one that the key names."""
 
     def __init__(self) -> None:
-        self.vehicles: dict[str, dict[str, Any]] = {}
+        self.vehicles: dict[str, Known] = {}
 
     def take(self, delivery: Delivery, now_s: float) -> None:
         """Keep the newest of every topic."""
-        state = self.vehicles.setdefault(delivery.vehicle, {"alive": False, "events": [], "heard_s": now_s})
+        known = self.vehicles.get(delivery.vehicle)
+        if known is None:
+            if len(self.vehicles) >= MOST_VEHICLES:
+                return
+            known = self.vehicles.setdefault(delivery.vehicle, Known(now_s, now_s))
         if delivery.alive is not None:
-            state["alive"] = delivery.alive
-            state["changed_s"] = now_s
+            known.alive, known.changed_s = delivery.alive, now_s
             return
-        try:
-            message = msgspec.json.decode(delivery.payload, type=dict[str, Any])
-        except msgspec.DecodeError:
-            return
-        state["heard_s"] = now_s
-        if delivery.topic == "event":
-            state["events"] = [*state["events"], message][-EVENTS_SHOWN:]
-        else:
-            state[delivery.topic] = message
+        message = received(delivery.topic, delivery.payload)
+        known.refused += message is None
+        match message:
+            case Estimate():
+                known.estimate = message
+            case Decision():
+                known.decision = message
+            case Health():
+                known.health = message
+            case Event():
+                known.events.append(message)
+            case _:
+                return
+        known.heard_s = now_s
 
     def table(self, now_s: float) -> "Table":
         """The present state."""
@@ -126,63 +157,63 @@ class View:
         outer = Table.grid(padding=(0, 0, 1, 0))
         if not self.vehicles:
             outer.add_row(Text("waiting for a vehicle ...", style="dim"))
-        for name, state in sorted(self.vehicles.items()):
+        for name, known in sorted(self.vehicles.items()):
             inner = Table.grid(padding=(0, 2))
-            inner.add_row(Text(name, style="bold"), self._presence(state, now_s))
-            for label, text, style in _rows(state):
-                inner.add_row(Text(label, style="dim"), Text(text, style=style))
+            inner.add_row(Text(printable(name), style="bold"), self._presence(known, now_s))
+            for label, text, style in _rows(known):
+                inner.add_row(Text(label, style="dim"), Text(printable(text), style=style))
             outer.add_row(inner)
         return outer
 
-    def _presence(self, state: dict[str, Any], now_s: float) -> Any:
+    def _presence(self, known: Known, now_s: float) -> Any:
         from rich.text import Text
 
-        quiet_s = now_s - state["heard_s"]
-        if not state["alive"]:
-            return Text(
-                f" SILENT: left the bus {now_s - state.get('changed_s', now_s):.0f} s ago ",
-                "bold white on red",
-            )
+        quiet_s = now_s - known.heard_s
+        if not known.alive:
+            return Text(f" SILENT: left the bus {now_s - known.changed_s:.0f} s ago ", "bold white on red")
         if quiet_s > SILENT_AFTER_S:
             return Text(f" SILENT: alive, but no message for {quiet_s:.0f} s ", "bold black on yellow")
         return Text("alive", "green")
 
 
-def _rows(state: dict[str, Any]) -> "list[tuple[str, str, str]]":
+def _rows(known: Known) -> "list[tuple[str, str, str]]":
     rows = []
-    decision, estimate, health = (state.get(topic, {}) for topic in ("decision", "estimate", "health"))
-    if decision:
-        verdict = str(decision.get("verdict"))
-        rows.append(("verdict", f" {WORDS.get(verdict, verdict)} ", COLOURS.get(verdict, "")))
-        rows.append(("against landing", "; ".join(decision.get("reasons") or ["nothing"]), ""))
-        rows.append(("permission", "; ".join(decision.get("withheld") or ["a request may go out"]), ""))
-        rows.append(("command", str(decision.get("command")), ""))
-    if estimate.get("status") == "ok":
-        rows.append(
-            ("inclination", _figure(estimate, "inclination_deg", 1, "degrees", "inclination_std_deg"), "bold")
-        )
-        rows.append(("roughness", _figure(estimate, "roughness", 4, "of the distance", "roughness_std"), ""))
-        rows.append(("time to contact", _figure(estimate, "time_to_contact_s", 1, "s"), ""))
-        flow = (_figure(estimate, name, 3, "") for name in ("ventral_flow_x", "ventral_flow_y"))
+    d, e, health = known.decision, known.estimate, known.health
+    forbidding = [] if health is None else [c.text for c in health.conditions if c.forbids_landing]
+    if d is not None:
+        forbidden = d.verdict == "fit" and bool(forbidding)
+        verdict = FORBIDDEN if forbidden else WORDS.get(d.verdict, d.verdict)
+        colour = UNKNOWN_COLOUR if forbidden else COLOURS.get(d.verdict, UNKNOWN_COLOUR)
+        against = [*forbidding, *(reason for reason in d.reasons if reason not in forbidding)]
+        rows.append(("verdict", f" {verdict} ", colour))
+        rows.append(("against landing", "; ".join(against) or "nothing", ""))
+        rows.append(("permission", "; ".join(d.withheld) or "a request may go out", ""))
+        rows.append(("command", d.command, ""))
+    if e is not None and e.status == "ok":
+        inclination = _figure(e.inclination_deg, 1, "degrees", e.inclination_std_deg)
+        rows.append(("inclination", inclination, "bold"))
+        rows.append(("roughness", _figure(e.roughness, 4, "of the distance", e.roughness_std), ""))
+        rows.append(("time to contact", _figure(e.time_to_contact_s, 1, "s"), ""))
+        flow = (_figure(value, 3, "") for value in (e.ventral_flow_x, e.ventral_flow_y))
         rows.append(("ventral flow", " / ".join(flow) + "  1/s", ""))
-    elif estimate:
-        rows.append(("no estimate", str(estimate.get("status")).replace("_", " "), "yellow"))
-    if health:
-        problems = "; ".join(health.get("problems") or []) or "all inputs well"
-        rows.append(
-            ("health", f"{health.get('state')}: {problems}", "" if health.get("state") == "ok" else "yellow")
-        )
-    for event in state["events"]:
-        style = {"error": "red", "warning": "yellow"}.get(str(event.get("severity")), "")
-        rows.append(("event", str(event.get("text") or event.get("event")), style))
+    elif e is not None:
+        rows.append(("no estimate", e.status.replace("_", " "), "yellow"))
+    if health is not None:
+        well = health.state == "ok" and not health.problems
+        problems = "all inputs well" if well else "; ".join(health.problems) or "no reason given"
+        rows.append(("health", f"{health.state}: {problems}", "" if well else "yellow"))
+    if known.refused:
+        rows.append(("refused", f"{known.refused} messages that do not follow the schema", "yellow"))
+    for event in known.events:
+        style = {"error": "red", "warning": "yellow"}.get(event.severity, "")
+        rows.append(("event", event.text or event.event, style))
     return rows
 
 
-def _figure(message: dict[str, Any], name: str, digits: int, unit: str, std: str = "") -> str:
-    value = message.get(name)
+def _figure(value: float | None, digits: int, unit: str, std: float | None = None) -> str:
     if value is None:
         return "unknown"
-    spread = f" ± {message[std]:.{digits}f}" if std and message.get(std) is not None else ""
+    spread = "" if std is None else f" ± {std:.{digits}f}"
     return f"{value:.{digits}f}{spread} {unit}".rstrip()
 
 

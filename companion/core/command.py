@@ -1,44 +1,115 @@
 """What became of a command to land: followed from the request to the ground. Time comes from the samples."""
 
 from dataclasses import dataclass
+from enum import StrEnum
 
-from drivers.samples import CommandAnswer, Heartbeat, LandedState, Sample
+from drivers.samples import CommandAnswer, CurrentMode, Heartbeat, LandedState, Sample
 
 NAV_LAND = 21
 """MAV_CMD_NAV_LAND."""
+DO_SET_MODE = 176
+"""MAV_CMD_DO_SET_MODE, by which MAVSDK asks for hold."""
 
 LAND_MODES = frozenset({"LAND", "AUTO.LAND", "AUTO_LAND", "QLAND"})
 """Flight modes that mean the autopilot is landing."""
+
+HOLD_MODES = frozenset({"HOLD", "BRAKE", "LOITER"})
+"""Flight modes that our own hold leads to: PX4's HOLD, ArduCopter's BRAKE or LOITER."""
 
 NO_ANSWER = "NO_ANSWER"
 NO_AUTOPILOT = "NO_AUTOPILOT"
 """Results that the companion gives itself, beside MAVLink's, when the autopilot said nothing."""
 
-OUTCOMES = {
-    "DENIED": "refused: denied",
-    "TEMPORARILY_REJECTED": "refused: temporarily rejected",
-    "UNSUPPORTED": "refused: the autopilot does not know the command",
-    "FAILED": "failed: the autopilot could not do it",
-    "CANCELLED": "failed: cancelled",
-    NO_ANSWER: "failed: no answer",
-    NO_AUTOPILOT: "failed: no autopilot",
+
+class Command(StrEnum):
+    """State of a command; the value is the code that messages carry."""
+
+    NONE = "none"
+    REQUESTED = "requested"
+    IN_PROGRESS = "in_progress"
+    ACCEPTED = "accepted"
+    LANDING = "landing"
+    LANDED = "landed"
+    DENIED = "denied"
+    TEMPORARILY_REJECTED = "temporarily_rejected"
+    UNSUPPORTED = "unsupported"
+    FAILED = "failed"
+    CANCELLED = "cancelled"
+    NO_ANSWER = "no_answer"
+    NO_AUTOPILOT = "no_autopilot"
+    AMBIGUOUS_VEHICLE = "ambiguous_vehicle"
+    TOO_LATE = "too_late"
+    OTHER_RESULT = "other_result"
+    NO_MODE_CHANGE = "no_mode_change"
+    REBOOTED = "rebooted"
+    HELD = "held"
+    FAILSAFE = "failsafe"
+    TAKEN_OVER = "taken_over"
+
+
+WORDS = {
+    Command.NONE: "none",
+    Command.REQUESTED: "requested",
+    Command.IN_PROGRESS: "in progress",
+    Command.ACCEPTED: "accepted",
+    Command.LANDING: "landing",
+    Command.LANDED: "landed",
+    Command.DENIED: "refused: denied",
+    Command.TEMPORARILY_REJECTED: "refused: temporarily rejected",
+    Command.UNSUPPORTED: "refused: the autopilot does not know the command",
+    Command.FAILED: "failed: the autopilot could not do it",
+    Command.CANCELLED: "failed: cancelled",
+    Command.NO_ANSWER: "failed: no answer",
+    Command.NO_AUTOPILOT: "failed: no autopilot",
+    Command.AMBIGUOUS_VEHICLE: "failed: ambiguous vehicle",
+    Command.TOO_LATE: "failed: too late",
+    Command.OTHER_RESULT: "failed: an unknown answer",
+    Command.NO_MODE_CHANGE: "failed: accepted, but the mode did not become LAND",
+    Command.REBOOTED: "failed: the autopilot rebooted",
+    Command.HELD: "held: landslope asked for hold",
+    Command.FAILSAFE: "failsafe: the autopilot left LAND in a failsafe",
+    Command.TAKEN_OVER: "taken over: the mode left LAND",
 }
-"""What an answer other than ACCEPTED and IN_PROGRESS makes of the command."""
+"""Code -> words, as ``Decision.command`` tells them; the word before the colon names the event."""
 
-NO_MODE_CHANGE = "failed: accepted, but the mode did not become LAND"
-TAKEN_OVER = "taken over: the mode left LAND"
+ANSWERS = {
+    "ACCEPTED": Command.ACCEPTED,
+    "IN_PROGRESS": Command.IN_PROGRESS,
+    "DENIED": Command.DENIED,
+    "TEMPORARILY_REJECTED": Command.TEMPORARILY_REJECTED,
+    "UNSUPPORTED": Command.UNSUPPORTED,
+    "FAILED": Command.FAILED,
+    "CANCELLED": Command.CANCELLED,
+    NO_ANSWER: Command.NO_ANSWER,
+    NO_AUTOPILOT: Command.NO_AUTOPILOT,
+    "AMBIGUOUS_VEHICLE": Command.AMBIGUOUS_VEHICLE,
+    "TOO_LATE": Command.TOO_LATE,
+}
+"""MAVLink's results and our own -> what they make of the command."""
 
-WAITING = frozenset({"requested", "in progress"})
+WAITING = frozenset({Command.REQUESTED, Command.IN_PROGRESS})
 """States in which the answer is still to come."""
+
+UNDER_WAY = WAITING | {Command.ACCEPTED, Command.LANDING}
+GOOD = UNDER_WAY | {Command.LANDED}
 
 
 @dataclass(frozen=True, slots=True)
 class CommandChange:
     """One step of the command, for an event: the state it went to."""
 
-    state: str
+    code: Command
     time_us: int
-    severity: str
+
+    @property
+    def state(self) -> str:
+        """In words."""
+        return WORDS[self.code]
+
+    @property
+    def severity(self) -> str:
+        """Of the event."""
+        return "info" if self.code in GOOD or self.code is Command.HELD else "warning"
 
     @property
     def event(self) -> str:
@@ -50,67 +121,110 @@ class CommandChange:
 class CommandState:
     """Follows one MAV_CMD_NAV_LAND: requested, answered, mode LAND seen, landed; or refused or failed, why.
 
-    Nothing here repeats a command. ``mode_timeout_s``: how long an accepted one may take to change the mode.
+    Nothing here repeats a command. ``mode_timeout_s``: how long an accepted one may take to change the mode. What
+    ends a landing in the air is told apart: our own hold, a failsafe, or else the pilot.
     """
 
     def __init__(self, mode_timeout_s: float = 5.0) -> None:
-        self.state = "none"
+        self.code = Command.NONE
         self._mode_timeout_us = int(mode_timeout_s * 1e6)
         self._since_us = 0
+        self._holding = False
+        self._hold_accepted = False
+
+    @property
+    def state(self) -> str:
+        """The state in words."""
+        return WORDS[self.code]
 
     @property
     def busy(self) -> bool:
         """Whether a command is under way: another one must not go out."""
-        return self.state in WAITING or self.state in ("accepted", "landing")
+        return self.code in UNDER_WAY
 
     def request(self, time_us: int) -> list[CommandChange]:
         """A request to land went out."""
-        return self._go("requested", time_us)
+        self._holding = self._hold_accepted = False
+        return self._go(Command.REQUESTED, time_us)
+
+    def hold(self) -> None:
+        """We ask for hold ourselves."""
+        self._holding = self.busy
 
     def reset(self) -> None:
         """Forget a command that ended; one under way is never forgotten."""
         if not self.busy:
-            self.state = "none"
+            self.code = Command.NONE
 
-    def feed(self, sample: Sample) -> list[CommandChange]:
-        """Take one sample; returns what changed, in order."""
-        if self.state == "none":
+    def reboot(self, time_us: int) -> list[CommandChange]:
+        """The autopilot rebooted: a command under way is gone with it."""
+        return self._go(Command.REBOOTED, time_us) if self.busy else []
+
+    def took_over(self, time_us: int) -> list[CommandChange]:
+        """The autopilot says in words that the pilot took over."""
+        return self._go(Command.TAKEN_OVER, time_us) if self.busy else []
+
+    def feed(self, sample: Sample, failsafe: bool = False) -> list[CommandChange]:
+        """Take one sample, ``failsafe``: whether the autopilot is in one; returns what changed, in order."""
+        if self.code is Command.NONE:
             return []
         if isinstance(sample, CommandAnswer):
-            return self._answer(sample) if sample.command == NAV_LAND else []
+            return self._answer(sample)
         if isinstance(sample, Heartbeat):
-            return self._heartbeat(sample)
-        if isinstance(sample, LandedState) and self.state == "landing" and sample.state == "on_ground":
-            return self._go("landed", sample.arrival_us)
+            return self._mode(sample.mode, sample.armed, sample.arrival_us, failsafe)
+        if isinstance(sample, CurrentMode):
+            return self._mode(sample.mode, True, sample.arrival_us, failsafe)
+        if isinstance(sample, LandedState):
+            return self._landed(sample)
         return []
 
     def _answer(self, answer: CommandAnswer) -> list[CommandChange]:
-        # An answer that comes after the wait was given up still tells the truth.
-        if self.state not in WAITING and self.state != OUTCOMES[NO_ANSWER]:
+        if answer.command == DO_SET_MODE and self._holding and answer.result == "ACCEPTED":
+            self._hold_accepted = True
             return []
-        if answer.result == "ACCEPTED":
-            return self._go("accepted", answer.arrival_us)
-        if answer.result == "IN_PROGRESS":
-            return self._go("in progress", answer.arrival_us) if self.state == "requested" else []
-        outcome = OUTCOMES.get(answer.result, f"failed: {answer.result.lower().replace('_', ' ')}")
-        return [] if outcome == self.state else self._go(outcome, answer.arrival_us)
+        # An answer that comes after the wait was given up still tells the truth.
+        if answer.command != NAV_LAND or not (self.code in WAITING or self.code is Command.NO_ANSWER):
+            return []
+        code = ANSWERS.get(answer.result, Command.OTHER_RESULT)
+        if code is self.code or (code is Command.IN_PROGRESS and self.code is not Command.REQUESTED):
+            return []
+        return self._go(code, answer.arrival_us)
 
-    def _heartbeat(self, heartbeat: Heartbeat) -> list[CommandChange]:
-        landing = heartbeat.mode in LAND_MODES
-        if self.state == "landing":
-            if not heartbeat.armed:
-                return self._go("landed", heartbeat.arrival_us)
-            return [] if landing else self._go(TAKEN_OVER, heartbeat.arrival_us)
-        # The mode speaks even when the answer was lost on the way.
-        if landing and (self.busy or self.state in (OUTCOMES[NO_ANSWER], NO_MODE_CHANGE)):
-            changes = self._go("landing", heartbeat.arrival_us)
-            return changes if heartbeat.armed else changes + self._go("landed", heartbeat.arrival_us)
-        if self.state == "accepted" and heartbeat.arrival_us - self._since_us > self._mode_timeout_us:
-            return self._go(NO_MODE_CHANGE, heartbeat.arrival_us)
+    def _landed(self, sample: LandedState) -> list[CommandChange]:
+        if self.code is Command.LANDING:
+            if sample.state == "on_ground":
+                return self._go(Command.LANDED, sample.arrival_us)
+            if sample.state == "in_air" and self._hold_accepted:
+                return self._go(Command.HELD, sample.arrival_us)
+        elif self.code is Command.ACCEPTED and sample.state == "landing":
+            # PX4's HEARTBEAT comes once a second: a takeover within that second would go unseen
+            return self._go(Command.LANDING, sample.arrival_us)
         return []
 
-    def _go(self, state: str, time_us: int) -> list[CommandChange]:
-        self.state = state
+    def _mode(self, mode: str, armed: bool, time_us: int, failsafe: bool) -> list[CommandChange]:
+        lands = mode in LAND_MODES
+        if self.code is Command.LANDING:
+            if not armed:
+                return self._go(Command.LANDED, time_us)
+            return [] if lands else self._go(self._who_ended_it(mode, failsafe), time_us)
+        # The mode speaks even when the answer was lost on the way.
+        if lands and (self.busy or self.code in (Command.NO_ANSWER, Command.NO_MODE_CHANGE)):
+            changes = self._go(Command.LANDING, time_us)
+            return changes if armed else changes + self._go(Command.LANDED, time_us)
+        if self.code is Command.ACCEPTED:
+            if self._holding and mode in HOLD_MODES:
+                return self._go(Command.HELD, time_us)
+            if time_us - self._since_us > self._mode_timeout_us:
+                return self._go(Command.NO_MODE_CHANGE, time_us)
+        return []
+
+    def _who_ended_it(self, mode: str, failsafe: bool) -> Command:
+        if failsafe:
+            return Command.FAILSAFE
+        ours = self._holding and (mode in HOLD_MODES or self._hold_accepted)
+        return Command.HELD if ours else Command.TAKEN_OVER
+
+    def _go(self, code: Command, time_us: int) -> list[CommandChange]:
+        self.code = code
         self._since_us = time_us
-        good = state in WAITING or state in ("accepted", "landing", "landed")
-        return [CommandChange(state, time_us, "info" if good else "warning")]
+        return [CommandChange(code, time_us)]

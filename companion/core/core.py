@@ -1,25 +1,29 @@
 """The core: samples in, messages and requests out. Single-threaded, deterministic, without a clock of its own."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from companion.core.attitude import BodyAttitude
 from companion.core.frozen_camera import FrozenCamera
 from companion.core.health import Clocks, HealthMonitor
-from companion.core.judge import Judge, LandRequest
+from companion.core.judge import Followed, Judge, LandRequest
 from companion.core.sync import Notice, ReadyFrame, Synchroniser
+from companion.messages.conditions import Condition
 from companion.messages.events import event
 from companion.messages.messages import Message, estimate_message
 from companion.settings.settings import Settings
-from drivers.samples import CommandAnswer, Frame, Heartbeat, LandedState, Refusal, Sample
+from drivers.samples import Frame, Refusal, Sample
 from landing.estimate import SurfaceEstimate
 from landing.ground.landing_area import LandingArea
 from landing.observation import Observation
-from landing.options import Options
+from landing.options import DecisionOptions, Options
 from landing.pipeline import SurfacePipeline
 from landing.vision.camera import CameraModel
 
 ATTITUDE_WITNESSES = 3
 """Frames in a row without an attitude (or with one again) before an event tells of it."""
+
+SECOND_VEHICLE = ("second_vehicle", "another_vehicle")
+"""Reasons of refusals, of recordings and of the live link, that report a second vehicle."""
 
 LATE_WORTH_TELLING_S, LATE_SIGMAS = 0.005, 4.0
 """A lateness of the frames that an event tells of."""
@@ -60,7 +64,9 @@ def observation_of(ready: ReadyFrame) -> Observation:
 class Core:
     """Samples in order of arrival in, outputs out; the same samples give the same outputs, bit for bit.
 
-    ``calibrated`` is passed on to the estimates; ``telemetry`` False: a plain video, frames do not wait;
+    ``calibrated`` is passed on to the estimates; ``telemetry`` False: a plain video, frames do not wait.
+    ``by_pilot``: the pilot's switch gives the permission, as in flight, and an uncalibrated camera withholds it;
+    otherwise ``landing.enabled`` and ``set_enabled`` give it.
     ``monotonic``: nobody sets the clock that stamps arrivals, as the live daemon's.
     """
 
@@ -71,6 +77,7 @@ class Core:
         *,
         calibrated: bool,
         telemetry: bool,
+        by_pilot: bool = False,
         monotonic: bool = False,
     ) -> None:
         self._camera = camera
@@ -81,8 +88,14 @@ class Core:
         )
         self._sync = Synchroniser(settings, telemetry, monotonic)
         self._health = HealthMonitor(settings.health, telemetry)
+        self._health.calibrated = calibrated
         self._frozen = FrozenCamera(settings.health, camera)
-        self._judge = Judge(settings, self._health, LandingArea(camera, settings.decision, settings.tracking))
+        self._judge = Judge(
+            settings,
+            self._health,
+            LandingArea(camera, settings.decision, settings.tracking),
+            by_pilot=by_pilot,
+        )
         self._health_period_us = round(settings.health.period_s * 1e6)
         self._health_due_us: int | None = None
         self._stale: frozenset[str] = frozenset()
@@ -94,6 +107,19 @@ class Core:
     def set_enabled(self, enabled: bool) -> None:
         """The user's permission to land; taking it back and giving it again allows another request."""
         self._judge.set_enabled(enabled, self._sync.now_us)
+
+    def hold(self) -> None:
+        """The autopilot is being asked for hold, by us."""
+        self._judge.hold()
+
+    def set_decision(self, options: DecisionOptions) -> None:
+        """Other limits of the decision from now on."""
+        self._pipeline.options = replace(self._pipeline.options, decision=options)
+        self._judge.set_decision(options, LandingArea(self._camera, options, self._pipeline.options.tracking))
+
+    def set_standing(self, conditions: tuple[Condition, ...]) -> None:
+        """Conditions that stand outside of the core (recording, clock, two vehicles), until others are set."""
+        self._health.standing = conditions
 
     @property
     def waiting(self) -> bool:
@@ -109,7 +135,7 @@ class Core:
             self._tell(notice, out)
         for frame in ready:
             self._process(frame, out)
-        if isinstance(sample, Heartbeat | LandedState | CommandAnswer):
+        if isinstance(sample, Followed):
             out += self._judge.follow(sample, self._sync.now_us, self._sync.raw_us())
         self._tick(out)
         return out
@@ -137,7 +163,7 @@ class Core:
         if not refusals:
             self._health.count(sample, self._sync.now_us)
         if isinstance(sample, Refusal):
-            if sample.reason == "second_vehicle" and not self._health.vehicles_clash:
+            if sample.reason in SECOND_VEHICLE and not self._health.vehicles_clash:
                 self._health.vehicles_clash = True
                 out.append(event("second_vehicle", None, sample.arrival_us, details={"heard": sample.detail}))
         elif isinstance(sample, Frame):
@@ -216,7 +242,7 @@ class Core:
 
     def _tell(self, notice: Notice, out: list[Output]) -> None:
         if notice.name == "autopilot_rebooted":
-            self._judge.forget_autopilot()
+            out += self._judge.forget_autopilot(self._sync.raw_us())
         if notice.name in ("autopilot_rebooted", "clock_corrected", "clock_jump_taken_back"):
             self._pipeline.time_offset.loosen()
         text = ""

@@ -1,21 +1,27 @@
 """How the inputs fare: counts, rates, ages and refusals, and what is wrong in words."""
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass
 
+from companion.messages.conditions import Code, Condition, condition, gravest_first, state_of
 from companion.messages.messages import Health, InputHealth
 from companion.settings.settings import HealthSettings
 from drivers.samples import (
     Attitude,
     ClockOffset,
     CommandAnswer,
+    CurrentMode,
     Frame,
     Heartbeat,
     Imu,
     LandedState,
+    ManualControl,
     RcChannels,
     Refusal,
     Sample,
+    StatusText,
+    SystemStatus,
     Velocity,
 )
 
@@ -26,6 +32,10 @@ INPUTS: dict[type, str] = {
     Velocity: "velocity",
     Heartbeat: "heartbeat",
     LandedState: "landed_state",
+    CurrentMode: "current_mode",
+    SystemStatus: "system_status",
+    StatusText: "status_text",
+    ManualControl: "manual_control",
     RcChannels: "rc_channels",
     ClockOffset: "timesync",
     CommandAnswer: "command_answers",
@@ -45,6 +55,10 @@ SOURCES = {
     "LOCAL_POSITION_NED": "velocity",
     "HEARTBEAT": "heartbeat",
     "EXTENDED_SYS_STATE": "landed_state",
+    "CURRENT_MODE": "current_mode",
+    "SYS_STATUS": "system_status",
+    "STATUSTEXT": "status_text",
+    "MANUAL_CONTROL": "manual_control",
     "RC_CHANNELS": "rc_channels",
     "TIMESYNC": "timesync",
 }
@@ -100,6 +114,10 @@ class HealthMonitor:
         self.counters: Counter[str] = Counter()
         self.vehicles_clash = False
         self.camera_frozen = False
+        self.calibrated = True
+        self.radio_lost = False
+        self.standing: tuple[Condition, ...] = ()
+        """Conditions that others found: recording, clock, two vehicles on the link."""
 
     def count(self, sample: Sample, now_us: int) -> None:
         """Take note of one sample."""
@@ -130,24 +148,37 @@ class HealthMonitor:
         """Needed inputs that are stale or missing, by name."""
         return tuple(name for name in NEEDED if self.state(name, now_us) != "ok")
 
-    def problems(self, now_us: int, settled: bool) -> tuple[str, ...]:
-        """What is wrong, in words."""
-        found = []
-        for name in self._expected:
-            state = self.state(name, now_us)
-            entry = self._inputs[name]
-            words = name.replace("_", " ")
-            if state == "missing":
-                found.append(f"{words}: none came")
-            elif state == "stale" and entry.newest_us is not None:
-                found.append(f"{words}: none for {(now_us - entry.newest_us) * 1e-6:.1f} s")
+    def conditions(self, now_us: int, settled: bool) -> tuple[Condition, ...]:
+        """What is wrong now, the gravest first; ``settled``: the clocks are related."""
+        found = [*self._of_inputs(now_us), *self._constant()]
         if self.telemetry and not settled:
-            found.append("clocks: the autopilot's time is not known yet")
+            found.append(condition(Code.CLOCKS_UNRELATED))
+        return gravest_first(found)
+
+    def forbids(self, code: Code) -> bool:
+        """Whether this condition stands now; it forbids a landing whatever the surface is like."""
+        return any(c.code == code for c in self._constant())
+
+    def _of_inputs(self, now_us: int) -> Iterator[Condition]:
+        for name in self._expected:
+            state, vital = self.state(name, now_us), name in VITAL
+            newest_us = self._inputs[name].newest_us
+            if state == "missing":
+                yield condition(Code.VITAL_INPUT_MISSING if vital else Code.INPUT_MISSING, name)
+            elif state == "stale" and newest_us is not None:
+                code = Code.VITAL_INPUT_STALE if vital else Code.INPUT_STALE
+                yield condition(code, name, f"{(now_us - newest_us) * 1e-6:.1f} s")
+
+    def _constant(self) -> Iterator[Condition]:
+        yield from self.standing
         if self.camera_frozen:
-            found.append("camera: the picture stands still while the vehicle turns")
+            yield condition(Code.CAMERA_FROZEN)
         if self.vehicles_clash:
-            found.append("two vehicles on the link: set vehicle.system_id")
-        return tuple(found)
+            yield condition(Code.TWO_VEHICLES)
+        if not self.calibrated:
+            yield condition(Code.UNCALIBRATED)
+        if self.radio_lost:
+            yield condition(Code.RADIO_LOST)
 
     def message(self, now_us: int, time_unix_us: int, clocks: Clocks) -> Health:
         """Health since the last call."""
@@ -167,19 +198,11 @@ class HealthMonitor:
             )
             entry.told = entry.count
         self._told_us = now_us
-        problems = self.problems(now_us, clocks.offset_s is not None)
-        failed = any(inputs[name].state != "ok" for name in VITAL if name in self._expected)
-        state = (
-            "failed"
-            if failed or self.vehicles_clash or self.camera_frozen
-            else "degraded"
-            if problems
-            else "ok"
-        )
+        conditions = self.conditions(now_us, clocks.offset_s is not None)
         return Health(
             time_unix_us=time_unix_us,
-            state=state,
-            problems=problems,
+            state=state_of(conditions),
+            problems=tuple(c.text for c in conditions),
             inputs=inputs,
             counters=dict(sorted(self.counters.items())),
             clock_offset_s=_rounded(clocks.offset_s),
@@ -187,6 +210,7 @@ class HealthMonitor:
             camera_late_s=_rounded(clocks.late_s),
             camera_late_std_s=_rounded(clocks.late_std_s),
             pipeline_ms=None,
+            conditions=conditions,
         )
 
 

@@ -1,20 +1,51 @@
 """From estimates to the decision and, rarely, the request to land; and what became of that request."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from companion.core.command import CommandChange, CommandState
+from companion.core.command import Command, CommandChange, CommandState
+from companion.core.consent import Consent
 from companion.core.health import HealthMonitor
 from companion.messages.events import event
 from companion.messages.messages import Decision, Event
 from companion.settings.settings import Settings
-from drivers.samples import CommandAnswer, Heartbeat, LandedState
+from drivers.samples import (
+    CommandAnswer,
+    CurrentMode,
+    Heartbeat,
+    LandedState,
+    ManualControl,
+    RcChannels,
+    StatusText,
+    SystemStatus,
+)
 from landing.decision.decision import Decider, Verdict
-from landing.decision.permit import Permit, PermitInputs, PermitState
+from landing.decision.permission import Phase
+from landing.decision.withheld import Withheld
 from landing.estimate import SurfaceEstimate
 from landing.ground.landing_area import LandingArea
+from landing.options import DecisionOptions
 from landing.reasons import Code, Reason, codes, in_words
 
 SECOND_US = 1_000_000
+
+Followed = (
+    Heartbeat
+    | CurrentMode
+    | LandedState
+    | CommandAnswer
+    | RcChannels
+    | ManualControl
+    | SystemStatus
+    | StatusText
+)
+"""Samples by which the permission and the command are followed."""
+
+ENDS = {
+    Command.TAKEN_OVER: Withheld.TAKEN_OVER,
+    Command.FAILSAFE: Withheld.FAILSAFE,
+    Command.HELD: Withheld.OWN_HOLD,
+}
+"""How a command ended -> what that makes of the permission."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,37 +61,50 @@ Judgement = Decision | Event | LandRequest
 
 
 class Judge:
-    """Keeps the verdict, the permit and the command's state; tells decisions on change and once a second.
+    """Keeps the verdict, the permission and the command's state; tells decisions on change and once a second.
 
     ``now_us`` is always the steady companion time, by which inputs age; ``time_unix_us`` the companion's clock as
-    stamped, for the messages.
+    stamped, for the messages. ``by_pilot``: see ``Consent``; changes of the permission are then told as events.
     """
 
-    def __init__(self, settings: Settings, health: HealthMonitor, area: LandingArea | None = None) -> None:
+    def __init__(
+        self,
+        settings: Settings,
+        health: HealthMonitor,
+        area: LandingArea | None = None,
+        *,
+        by_pilot: bool = False,
+    ) -> None:
         self._health = health
-        self._allowed_modes = settings.landing.allowed_modes
         self._decider = Decider(settings.decision, area)
-        self._permit = Permit()
+        self._consent = Consent(settings.landing, health, by_pilot=by_pilot)
         self._command = CommandState(settings.landing.mode_timeout_s)
-        self._enabled = settings.landing.enabled
-        self._heartbeat: Heartbeat | None = None
-        self._landed: LandedState | None = None
         self._verdict = Verdict("unknown", (Reason(Code.NOTHING_SEEN),), 0.0, False)
         self._frame = 0
         self._since_us = 0
         self._told: Decision | None = None
+        self._against: str | None = None if by_pilot else ""
+        self._by_pilot = by_pilot
+
+    def set_decision(self, options: DecisionOptions, area: LandingArea | None) -> None:
+        """Other limits from now on; the ground has to prove itself anew."""
+        self._decider = Decider(options, area)
 
     def set_enabled(self, enabled: bool, now_us: int) -> None:
         """The user's permission; taking it back and giving it again allows another request."""
-        self._enabled = enabled
+        self._consent.set_enabled(enabled, now_us)
         if not enabled:
-            self._step_permit(now_us, fit=False)
             self._command.reset()
+
+    def hold(self) -> None:
+        """We ask the autopilot for hold: it is our doing when the landing ends now."""
+        self._command.hold()
+        self._consent.permission.end(Withheld.OWN_HOLD)
 
     def see(self, estimate: SurfaceEstimate, now_us: int, time_unix_us: int) -> list[Judgement]:
         """Take the next estimate."""
         out: list[Judgement] = []
-        self._verdict = verdict = self._decider.step(estimate)
+        self._verdict = verdict = self._believed(self._decider.step(estimate))
         self._frame = estimate.frame
         self._since_us = time_unix_us - round((estimate.time_s - verdict.since_s) * 1e6)
         if verdict.changed:
@@ -83,30 +127,51 @@ class Judge:
         self._verdict = Verdict("unknown", reasons, self._verdict.since_s, False)
         return out + self.decide(now_us, time_unix_us)
 
-    def follow(
-        self, sample: Heartbeat | LandedState | CommandAnswer, now_us: int, time_unix_us: int
-    ) -> list[Judgement]:
-        """Take what the autopilot says of itself and of the command."""
-        if isinstance(sample, Heartbeat):
-            self._heartbeat = sample
-        elif isinstance(sample, LandedState):
-            self._landed = sample
-        changes = self._command.feed(sample)
-        if not changes:
-            return []
-        return [*self._events_of(changes), *self.decide(now_us, time_unix_us)]
+    def follow(self, sample: Followed, now_us: int, time_unix_us: int) -> list[Judgement]:
+        """Take what the autopilot says of itself, of its pilot and of the command."""
+        self._consent.feed(sample, now_us)
+        self._health.radio_lost = self._consent.radio_lost
+        vehicle = self._consent.vehicle
+        changes = self._command.feed(sample, vehicle.failsafe is True)
+        if vehicle.pilot_took_over:
+            changes += self._command.took_over(sample.arrival_us)
+        out = self._ended(changes, time_unix_us)
+        return [*out, *self.decide(now_us, time_unix_us)] if out else []
 
-    def forget_autopilot(self) -> None:
-        """The autopilot rebooted: nothing it said of itself holds any more."""
-        self._heartbeat = self._landed = None
+    def forget_autopilot(self, time_unix_us: int) -> list[Judgement]:
+        """The autopilot rebooted: nothing it said of itself holds any more, nor what was permitted."""
+        self._consent.reboot()
+        return self._ended(self._command.reboot(time_unix_us), time_unix_us)
+
+    def _ended(self, changes: list[CommandChange], time_unix_us: int) -> list[Judgement]:
+        """The events of the command's changes, and of what they make of the permission."""
+        out: list[Judgement] = [*self._events_of(changes)]
+        for change in changes:
+            if change.code in ENDS:
+                self._consent.permission.end(ENDS[change.code])
+        if self._consent.permission.phase is Phase.OFF:
+            self._command.reset()
+        return out + self._permission_change(time_unix_us)
+
+    def _permission_change(self, time_unix_us: int) -> list[Judgement]:
+        """The event of a permission that began or ended; none where it is given by hand."""
+        against = self._consent.against_enabling if self._by_pilot else ""
+        if against == self._against:
+            return []
+        self._against = against
+        name = "landing_disabled" if against else "landing_enabled"
+        return [event(name, None, time_unix_us, against)]
 
     def decide(
         self, now_us: int, time_unix_us: int, *, seen: bool = False, always: bool = False
     ) -> list[Judgement]:
         """Ask the permit and tell the decision when that is due; only what was just ``seen`` flat makes a request."""
         out: list[Judgement] = []
-        permit = self._step_permit(now_us, fit=seen and self._verdict.verdict == "fit")
-        if permit.request:
+        withheld = self._consent.objections(now_us, command_busy=self._command.busy)
+        out += self._permission_change(time_unix_us)
+        permitted = not withheld
+        if permitted and seen and self._verdict.verdict == "fit":
+            self._consent.permission.use()
             text = "the surface below is fit for landing"
             out += self._events_of(self._command.request(time_unix_us), text)
             out.append(LandRequest(self._frame, time_unix_us, text))
@@ -117,10 +182,12 @@ class Judge:
             reasons=in_words(self._verdict.reasons),
             reason_codes=codes(self._verdict.reasons),
             since_unix_us=self._since_us,
-            permitted=permit.permitted,
-            withheld=permit.withheld,
-            requested=self._permit.requested,
+            permitted=permitted,
+            withheld=tuple(map(str, withheld)),
+            withheld_codes=tuple(objection.code.value for objection in withheld),
+            requested=self._requested,
             command=self._command.state,
+            command_code=self._command.code.value,
         )
         last = self._told
         if always or last is None or _gist(decision) != _gist(last) or _due(decision, last):
@@ -128,25 +195,18 @@ class Judge:
             out.append(decision)
         return out
 
-    def _step_permit(self, now_us: int, *, fit: bool) -> PermitState:
-        stale = self._health.stale(now_us)
-        if self._health.vehicles_clash:
-            stale = (*stale, "two vehicles on the link")
-        heartbeat = None if "heartbeat" in stale else self._heartbeat
-        landed = None if "landed_state" in stale or self._landed is None else self._landed.state
-        return self._permit.step(
-            PermitInputs(
-                time_s=now_us * 1e-6,
-                verdict_fit=fit,
-                enabled=self._enabled,
-                armed=None if heartbeat is None else heartbeat.armed,
-                in_air=None if landed in (None, "undefined") else landed == "in_air",
-                mode_allowed=None if heartbeat is None else heartbeat.mode in self._allowed_modes,
-                fresh=not stale,
-                stale=stale,
-                command_busy=self._command.busy,
-            )
-        )
+    @property
+    def _requested(self) -> bool:
+        """Whether a landing was requested under the present permission, which may have ended since."""
+        return self._consent.permission.used
+
+    def _believed(self, verdict: Verdict) -> Verdict:
+        """Without a calibration no slope is known: such a camera may say unfit, never fit."""
+        if self._health.calibrated or verdict.verdict != "fit":
+            return verdict
+        reasons = (Reason(Code.UNCALIBRATED),)
+        changed = (self._verdict.verdict, self._verdict.reasons) != ("unknown", reasons)
+        return replace(verdict, verdict="unknown", reasons=reasons, changed=changed)
 
     def _events_of(self, changes: list[CommandChange], text: str = "") -> list[Event]:
         return [

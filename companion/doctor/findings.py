@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
+from drivers.secrets import masked
 from landing.options import Limits
 
 Level = Literal["ok", "warning", "failure"]
@@ -22,7 +23,7 @@ class Finding:
     def line(self, width: int) -> str:
         """As it is printed; ``width`` of the column of subjects."""
         remedy = f"\n{'':{width + 11}}-> {self.remedy}" if self.remedy else ""
-        return f"{self.level:<9} {self.subject:<{width}} {self.text}{remedy}"
+        return masked(f"{self.level:<9} {self.subject:<{width}} {self.text}{remedy}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -84,7 +84,14 @@ ERROR_COLUMNS = ["median", "p95", "worst", "failures"]
 
 def camera_of(lens: Lens) -> CameraModel:
     """The estimator's camera for a simulated lens: calibrated exactly."""
-    return CameraModel(lens.width, lens.height, lens.matrix, lens.distortion, lens.body_from_camera)
+    return CameraModel(
+        lens.width,
+        lens.height,
+        lens.matrix,
+        lens.distortion,
+        lens.body_from_camera,
+        equidistant=lens.equidistant,
+    )
 
 
 def estimate_all(

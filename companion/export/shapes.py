@@ -165,12 +165,18 @@ def calibration(time_unix_us: int, vehicle: str, camera: CameraModel) -> fox.Cam
         frame_id=f"{vehicle}/camera",
         width=camera.width,
         height=camera.height,
-        distortion_model="plumb_bob" if camera.distortion.size <= 5 else "rational_polynomial",
+        distortion_model=_distortion_model(camera),
         D=camera.distortion.tolist(),
         K=k.ravel().tolist(),
         R=np.eye(3).ravel().tolist(),
         P=np.hstack([k, np.zeros((3, 1))]).ravel().tolist(),
     )
+
+
+def _distortion_model(camera: CameraModel) -> str:
+    if camera.equidistant:
+        return "kannala_brandt"  # Foxglove's name of ROS's equidistant
+    return "plumb_bob" if camera.distortion.size <= 5 else "rational_polynomial"
 
 
 def log(event: Event) -> fox.Log:

@@ -3,22 +3,28 @@
 import logging
 import signal
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 
 from companion.core.command import NAV_LAND
 from companion.core.core import LandRequest, Output, Processed
 from companion.core.landing_watch import LandingWatch
+from companion.errors import LandslopeError
 from companion.live.commander import TOO_LATE, Commander
 from companion.live.inputs import Inputs
 from companion.live.live_pipeline import LivePipeline
 from companion.live.publisher import Publisher
 from companion.live.recording import FlightRecording
+from companion.live.reload import reloaded
 from companion.live.reporting import GroundReport
+from companion.messages.conditions import Code, Condition, condition
 from companion.messages.messages import Estimate, Health, Message
 from companion.messages.preview import PreviewPublisher
 from companion.settings.settings import Settings
+from drivers.errors import DriverError
+from drivers.events import DriverEvent
 from drivers.samples import CommandAnswer, Imu, Sample
-from drivers.system.host_clock import now_us
+from drivers.system.host_clock import has_date, now_us
 from drivers.system.service_manager import ServiceManager
 
 log = logging.getLogger(__name__)
@@ -37,22 +43,25 @@ GATHER_S = 0.02
 class Daemon:
     """Wires camera, link, core, bus, ground report and commander, and runs until ``stop``.
 
-    Closes ``inputs`` at its end. Everything that the outside may break is reopened by its driver; what is wrong in the
-    settings raises an error of the packages at once.
+    ``load`` reads the settings again for ``reload``. Closes ``inputs`` at its end. Everything that the outside may
+    break is reopened by its driver; what is wrong in the settings raises an error of the packages at once.
     """
 
-    def __init__(self, settings: Settings, inputs: Inputs) -> None:
+    def __init__(
+        self, settings: Settings, inputs: Inputs, load: Callable[[], Settings] | None = None
+    ) -> None:
         self.settings = settings
         self._inputs, self._inbox = inputs, inputs.inbox
         self._link, self._camera = inputs.link, inputs.camera
         self._estimate_us = 0
+        self._load, self._reload_wanted = load, False
         with ExitStack() as stack:
             stack.callback(inputs.close)
             self.service = ServiceManager()
             stack.callback(self.service.close)
             self.recording = FlightRecording(settings)
             stack.callback(self.recording.close)
-            self.pipeline = LivePipeline(settings, self._output, self._may_enable, self.counters)
+            self.pipeline = LivePipeline(settings, self._output, self._conditions, self.counters)
             self._report = GroundReport(settings.mavlink, self.pipeline.body_from_camera)
             self._watch = LandingWatch(settings.landing)
             self._publisher = stack.enter_context(Publisher(settings, retry=True))
@@ -61,7 +70,7 @@ class Daemon:
             self._commander = None
             if self._link is not None:
                 self._link.may_beat = self._alive
-                self._link.on_frame = self.recording.mavlink if settings.record.directory else None
+                self._link.on_frame = self.recording.mavlink
                 self._commander = Commander(self._link, self._inbox.put, self._inbox.tell)
                 self._commander.start()
                 stack.callback(self._commander.close, CLOSE_S)
@@ -81,6 +90,11 @@ class Daemon:
     def stop(self) -> None:
         """End soon; from any thread or signal handler."""
         self._inputs.stop()
+
+    def reload(self) -> None:
+        """Take over what can be taken over of changed settings, soon; safe in a signal handler."""
+        self._reload_wanted = True
+        self._inbox.wake()
 
     @property
     def commander_connected(self) -> bool:
@@ -107,6 +121,9 @@ class Daemon:
 
     def _turn(self) -> None:
         """One round: what came is fed in order of arrival; the watchdog is fed when all of it went through."""
+        if self._reload_wanted:
+            self._reload_wanted = False
+            self._reload()
         samples, events = self._inbox.take(TICK_S, 0.0 if self.pipeline.waiting else GATHER_S)
         samples += self._camera.take()
         samples.sort(key=_arrival)
@@ -119,6 +136,24 @@ class Daemon:
         else:
             self.pipeline.tick(now_us())
         self.service.alive()
+
+    def _reload(self) -> None:
+        try:
+            found = reloaded(self.settings, self._load() if self._load is not None else self.settings)
+            settings = found.settings
+            if found.changed:
+                self.recording.set_settings(settings)
+        except (LandslopeError, DriverError, OSError) as error:
+            text = f"the settings stay as they are: {str(error).splitlines()[0]}"
+            self.pipeline.tell(DriverEvent("settings_refused", "error", text, now_us()))
+            return
+        self.settings = settings
+        self.pipeline.set_settings(settings)
+        self._report.set_settings(settings.mavlink)
+        self._preview.set_settings(settings.preview)
+        self._publisher.set_settings(settings)
+        severity = "warning" if found.refused else "info"
+        self.pipeline.tell(DriverEvent("settings_reloaded", severity, found.text, now_us()))
 
     def _feed_gyro(self, samples: list[Sample]) -> None:
         if self.settings.mavlink.optical_flow:
@@ -157,14 +192,21 @@ class Daemon:
         if watched is not None:
             self._message(watched.event)
             if watched.hold and self._commander is not None:
+                self.pipeline.hold()
                 self._commander.hold()
 
     def _alive(self) -> bool:
         """Whether our heartbeats may go out: the pipeline made an estimate lately."""
         return time.monotonic() - self.pipeline.estimated_at < self.settings.mavlink.heartbeat_max_age_s
 
-    def _may_enable(self) -> bool:
-        return self._link is None or not self._link.ambiguous
+    def _conditions(self) -> tuple[Condition, ...]:
+        """What stands wrong beside the pipeline."""
+        found = list(self.recording.conditions())
+        if self._link is not None and self._link.ambiguous:
+            found.append(condition(Code.TWO_VEHICLES))
+        if not has_date():
+            found.append(condition(Code.CLOCK_WITHOUT_DATE))
+        return tuple(found)
 
     def _let_command_end(self) -> None:
         if self._commander is None or not self._commander.busy:
@@ -178,9 +220,13 @@ class Daemon:
 
 
 def stop_on_signals(daemon: Daemon) -> None:
-    """SIGTERM and SIGINT end the daemon in good order; SIGUSR1 starts a recording by hand, SIGUSR2 stops it."""
+    """SIGTERM and SIGINT end the daemon in good order; SIGHUP takes over changed settings.
+
+    SIGUSR1 starts a recording by hand, SIGUSR2 stops it.
+    """
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: daemon.stop())
+    signal.signal(signal.SIGHUP, lambda *_: daemon.reload())
     signal.signal(signal.SIGUSR1, lambda *_: daemon.recording.by_hand(True))
     signal.signal(signal.SIGUSR2, lambda *_: daemon.recording.by_hand(False))
 

@@ -5,7 +5,6 @@ import math
 import time
 from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 from companion.core.camera_model import camera_model
 from companion.core.core import Core, Output, Processed
-from companion.core.enable import EnableSwitch
+from companion.messages.conditions import Condition
 from companion.messages.messages import Event, Health
 from companion.settings.settings import Settings
 from drivers.events import DriverEvent
@@ -35,25 +34,23 @@ Counters = Callable[[], dict[str, int]]
 class LivePipeline:
     """Feeds the core and hands its outputs to ``on_output``, in order.
 
-    ``may_enable()`` False withholds the pilot's permission whatever the switch says; ``counters()`` are added to
-    the health that is told.
+    ``conditions()`` are those that stand outside of the core, asked at every turn; ``counters()`` are added to the
+    health that is published.
     """
 
     def __init__(
         self,
         settings: Settings,
         on_output: Handler,
-        may_enable: Callable[[], bool] = lambda: True,
+        conditions: Callable[[], tuple[Condition, ...]] = tuple,
         counters: Counters = dict,
     ) -> None:
         self._settings = settings
         self._on_output = on_output
-        self._may_enable = may_enable
+        self._conditions = conditions
         self._counters = counters
         self._size = _size(settings)
         self._core = self._new_core()
-        self._switch = EnableSwitch(settings.landing)
-        self._against_enabling = "nothing came yet"
         self._times_ms: deque[float] = deque(maxlen=TIMES_KEPT)
         self.estimated_at = -math.inf
         """Monotonic time (s) of the newest processed frame."""
@@ -71,17 +68,18 @@ class LivePipeline:
 
     def feed(self, samples: list[Sample]) -> None:
         """Take samples in order of arrival."""
+        self._stand()
         for sample in samples:
             if isinstance(sample, Frame):
                 self.counted["frames"] += 1
                 self._fit(sample)
-            self._set_enabled(self._switch.feed(sample), sample.arrival_us)
             started = time.perf_counter()
             outputs = self._core.feed(sample)
             self._hand_on(outputs, started)
 
     def tick(self, now_us: int) -> None:
         """Time passed without a sample."""
+        self._stand()
         started = time.perf_counter()
         self._hand_on(self._core.tick(now_us), started)
 
@@ -99,6 +97,16 @@ class LivePipeline:
             )
         )
 
+    def hold(self) -> None:
+        """The autopilot is being asked for hold, by us."""
+        self._core.hold()
+
+    def set_settings(self, settings: Settings) -> None:
+        """Other settings of the decision from now on; the rest of them must be the same."""
+        if settings.decision != self._settings.decision:
+            self._core.set_decision(settings.decision)
+        self._settings = settings
+
     def finish(self) -> None:
         """The end: what still waits is processed."""
         self._hand_on(self._core.finish(), time.perf_counter())
@@ -106,13 +114,12 @@ class LivePipeline:
     def _new_core(self) -> Core:
         self._camera, self._calibrated = camera_model(self._settings.camera, *self._size)
         telemetry = bool(self._settings.mavlink.connection)
-        # The pilot's switch decides, not the settings alone.
-        landing = replace(self._settings.landing, enabled=False)
         return Core(
-            replace(self._settings, landing=landing),
+            self._settings,
             self._camera,
             calibrated=self._calibrated,
             telemetry=telemetry,
+            by_pilot=True,
             monotonic=True,
         )
 
@@ -126,23 +133,10 @@ class LivePipeline:
         ):
             self._size = (width, height)
             self._core = self._new_core()
-            self._core.set_enabled(not self._against_enabling)
 
-    def _set_enabled(self, wanted: bool, time_us: int) -> None:
-        """What the pilot wants, as far as it is safe; every change is told."""
-        against = self._switch.reason if not wanted else self._against()
-        if against == self._against_enabling:
-            return
-        self._against_enabling = against
-        self._core.set_enabled(not against)
-        name = "landing_disabled" if against else "landing_enabled"
-        text = f"landing is not enabled: {against}" if against else "landing is enabled"
-        self.tell(DriverEvent(name, "info", text, time_us))
-
-    def _against(self) -> str:
-        if not self._calibrated:
-            return "the camera is not calibrated"
-        return "" if self._may_enable() else "two vehicles on the link: set vehicle.system_id"
+    def _stand(self) -> None:
+        """Let the core know what stands outside of it."""
+        self._core.set_standing(self._conditions())
 
     def _hand_on(self, outputs: list[Output], started: float) -> None:
         if any(isinstance(output, Processed) for output in outputs):

@@ -5,6 +5,7 @@ import time
 import msgspec
 
 from companion.messages.messages import Message, encode, topic_of
+from companion.settings.masking import without_secrets
 from companion.settings.settings import Settings, ZenohSettings
 from drivers.bus import CONFIGURATION, DECISION, Bus, Endpoints
 
@@ -27,7 +28,11 @@ class Publisher:
 
     def __init__(self, settings: Settings, *, retry: bool = False) -> None:
         self.bus = Bus(settings.vehicle.name, endpoints(settings.zenoh), retry=retry)
-        self.bus.answer(CONFIGURATION, msgspec.json.encode(settings))
+        self.set_settings(settings)
+
+    def set_settings(self, settings: Settings) -> None:
+        """The configuration that is answered from now on, without its secrets."""
+        self.bus.answer(CONFIGURATION, msgspec.json.encode(without_secrets(settings)))
 
     def publish(self, message: Message) -> None:
         """Put one message; never waits for a subscriber."""

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 
 from companion.core.core import Processed
 from companion.errors import LandslopeError
+from companion.messages.conditions import Code, Condition, condition
 from companion.messages.messages import Message, encode, topic_of
+from companion.settings.masking import without_secrets
 from companion.settings.settings import RecordSettings, Settings
 from companion.settings.settings_file import entries, value_of, written
 from drivers.events import DriverEvent
@@ -45,6 +47,10 @@ class RecordingSwitch:
         self._armed: bool | None = None
         self._last_armed_us: int | None = None
 
+    def set_settings(self, settings: RecordSettings) -> None:
+        """Other settings from now on; what was said by hand holds."""
+        self._settings = settings
+
     def by_hand(self, record: bool) -> None:
         """Start (True) or stop (False) on the user's word."""
         self._by_hand = record
@@ -76,15 +82,18 @@ def recorder_options(settings: RecordSettings, rate_hz: float) -> RecorderOption
         rate_hz=rate_hz,
         max_flight_bytes=settings.max_flight_mb * BYTES_PER_MB,
         min_free_bytes=settings.min_free_mb * BYTES_PER_MB,
+        max_total_bytes=settings.max_total_mb * BYTES_PER_MB,
+        delete_oldest=settings.when_full == "delete_oldest",
     )
 
 
 def flight_papers(settings: Settings) -> FlightPapers:
-    """The settings in force, with the calibration beside them under the name that flights use."""
+    """The settings in force without their secrets, with the calibration beside them under the name that flights use."""
     calibration = Path(settings.camera.calibration)
     text = calibration.read_text(encoding="utf-8") if calibration.is_file() else ""
     camera = dataclasses.replace(settings.camera, calibration=CALIBRATION if text else "")
-    return FlightPapers(settings=_toml(dataclasses.replace(settings, camera=camera)), calibration=text)
+    shown = without_secrets(dataclasses.replace(settings, camera=camera))
+    return FlightPapers(settings=_toml(shown), calibration=text)
 
 
 def _toml(settings: Settings) -> str:
@@ -99,6 +108,15 @@ def _toml(settings: Settings) -> str:
     return "\n".join(lines) + "\n"
 
 
+def _options_and_papers(settings: Settings) -> tuple[RecorderOptions, FlightPapers]:
+    rate_hz = settings.camera.rate_hz or DEFAULT_RATE_HZ
+    return recorder_options(settings.record, rate_hz), flight_papers(settings)
+
+
+def _recorder(settings: Settings) -> Recorder:
+    return Recorder(*_options_and_papers(settings))
+
+
 class FlightRecording:
     """A recorder wired to the settings: it is told everything and keeps what belongs to a flight.
 
@@ -109,12 +127,17 @@ class FlightRecording:
         self._switch = RecordingSwitch(settings.record)
         self._armed: bool | None = None
         self._wanted = False
-        rate_hz = settings.camera.rate_hz or DEFAULT_RATE_HZ
-        self._recorder: Recorder | None = None
-        if settings.record.directory:
-            self._recorder = Recorder(recorder_options(settings.record, rate_hz), flight_papers(settings))
+        self._recorder = _recorder(settings) if settings.record.directory else None
         self._mcap = _live_mcap(settings) if self._recorder is not None and settings.record.mcap else None
         self._folder_before: Path | None = None
+
+    def set_settings(self, settings: Settings) -> None:
+        """Other settings from now on; where they change, a flight goes on in a new folder."""
+        self._switch.set_settings(settings.record)
+        if self._recorder is None:
+            self._recorder = _recorder(settings) if settings.record.directory else None
+        elif settings.record.directory:
+            self._recorder.change(*_options_and_papers(settings))
 
     @property
     def counters(self) -> dict[str, int]:
@@ -127,6 +150,13 @@ class FlightRecording:
     def recording(self) -> bool:
         """Whether a flight is being recorded now."""
         return self._recorder is not None and self._recorder.recording
+
+    def conditions(self) -> tuple[Condition, ...]:
+        """Whether a recording that is wanted does not run, and why."""
+        recorder = self._recorder
+        if recorder is None or not self._wanted or not recorder.stopped:
+            return ()
+        return (condition(Code.RECORDING_STOPPED, detail=recorder.stopped),)
 
     def by_hand(self, record: bool) -> None:
         """Start (True) or stop (False) on the user's word; safe in a signal handler."""
@@ -162,7 +192,7 @@ class FlightRecording:
     def step(self, time_us: int) -> list[DriverEvent]:
         """Start or stop as the switch says; what happened since the last step.
 
-        A recording that ended by itself (disk full, size reached) is taken up again only when the switch has been off.
+        A recording that stopped by itself (disk full, limit reached) is taken up again by the recorder.
         """
         recorder = self._recorder
         if recorder is None:

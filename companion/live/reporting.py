@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from companion.messages.conditions import Condition, identity
 from companion.messages.events import COMMAND_EVENTS
 from companion.messages.messages import Decision, Estimate, Event, Health, Message
 from companion.settings.settings import MavlinkSettings
@@ -34,9 +35,12 @@ class GroundReport:
         self._gyro = np.zeros(2)
         self._gyro_count = 0
         self._verdict = ""
-        self._health = "ok"
-        self._problems: tuple[str, ...] = ()
+        self._conditions: dict[tuple[str, str], Condition] = {}
         self._values_due_us = 0
+
+    def set_settings(self, settings: MavlinkSettings) -> None:
+        """Other settings of what is sent, from now on."""
+        self._s = settings
 
     def gyro(self, sample: Imu) -> None:
         """Take a gyro sample: OPTICAL_FLOW has the rotation in it, the estimates do not."""
@@ -67,15 +71,13 @@ class GroundReport:
         return [_text("info", f"surface {decision.verdict}{why}")]
 
     def _health_change(self, health: Health) -> list[Any]:
-        if (health.state, health.problems) == (self._health, self._problems):
-            return []
-        better = health.state == "ok"
-        new = [p for p in health.problems if p not in self._problems]
-        was, self._health, self._problems = self._health, health.state, health.problems
-        if better:
-            return [_text("info", "all well")] if was != "ok" else []
-        severity = "warning" if health.state == "degraded" else "error"
-        return [_text(severity, problem) for problem in new]
+        """What began and what ended; ages that grow within a condition are no change."""
+        was, self._conditions = self._conditions, {identity(c): c for c in health.conditions}
+        began = [_text(c.severity, c.text) for key, c in self._conditions.items() if key not in was]
+        if was and not self._conditions:
+            return [_text("info", "all well")]
+        ended = [_text("info", f"over: {c.text}") for key, c in was.items() if key not in self._conditions]
+        return began + ended
 
     def _values(self, e: Estimate) -> list[Any]:
         if self._s.named_value_rate_hz == 0 or e.time_unix_us < self._values_due_us:

@@ -6,6 +6,8 @@ from companion.messages.messages import Event
 
 EVENTS = {
     "decision_changed": ("info", "the verdict on the surface below changed"),
+    "landing_enabled": ("info", "landing is enabled"),
+    "landing_disabled": ("info", "landing is not enabled"),
     "landing_requested": ("info", "a request to land went out"),
     "clock_settled": ("info", "the autopilot's and the companion's clocks are related"),
     "autopilot_rebooted": ("error", "the autopilot's boot time fell back: it started anew"),
@@ -22,6 +24,8 @@ EVENTS = {
     "attitude_back": ("info", "frames have an attitude again"),
     "second_vehicle": ("error", "a second vehicle speaks on the link"),
     "input_stale": ("warning", "an input stopped"),
+    "settings_reloaded": ("info", "settings were read again"),
+    "settings_refused": ("error", "settings could not be read again; the old ones stay in force"),
     "input_back": ("info", "an input came back"),
     "landing_in_progress": ("info", "the autopilot works on the command to land"),
     "landing_accepted": ("info", "the autopilot accepted the command to land"),

@@ -7,6 +7,8 @@ from typing import Annotated, Any
 
 import msgspec
 
+from companion.messages.conditions import Condition
+from landing.decision.withheld import Withheld
 from landing.estimate import SurfaceEstimate
 from landing.reasons import Code, Status, codes, in_words
 
@@ -86,6 +88,12 @@ class Decision(msgspec.Struct, frozen=True, kw_only=True):
     requested: Annotated[bool, about("whether a landing was requested under the present permission")]
     command: Annotated[str, about('"none", "requested", "accepted", "landing", "landed", or why it failed')]
     reason_codes: Annotated[tuple[str, ...], about("the reasons as codes", one_of=Code)] = ()
+    withheld_codes: Annotated[
+        tuple[str, ...], about("the same as ``withheld`` as codes, in the same order", one_of=Withheld)
+    ] = ()
+    command_code: Annotated[
+        str, about('the command as a code: "none", "landing", "held", "failsafe", "taken_over" and so on')
+    ] = "none"
 
 
 class InputHealth(msgspec.Struct, frozen=True, kw_only=True):
@@ -113,6 +121,9 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
     ]
     camera_late_std_s: Annotated[float | None, about("standard deviation of camera_late_s", "s")]
     pipeline_ms: Annotated[float | None, about("time one frame takes in the pipeline", "ms")]
+    conditions: Annotated[
+        tuple[Condition, ...], about("what is wrong now, by code; problems are their texts")
+    ] = ()
 
 
 class Event(msgspec.Struct, frozen=True, kw_only=True):

@@ -84,6 +84,11 @@ class PreviewPublisher:
         self._listener: Any = None
         self._declare()
 
+    def set_settings(self, settings: PreviewSettings) -> None:
+        """Other rate, size or quality from now on."""
+        self._settings = settings
+        self._period_us = round(_MICROSECONDS / settings.rate_hz)
+
     def put(self, frame: Frame, estimate: SurfaceEstimate, time_unix_us: int) -> bool:
         """Publish the frame if somebody watches and a picture is due; returns whether it was published."""
         if self._publisher is None:

@@ -9,6 +9,7 @@ from companion.errors import LandslopeError
 from companion.messages.events import EVENTS
 from companion.messages.messages import TOPICS, Topic
 from companion.messages.preview import Preview
+from landing.decision.withheld import WORDS
 from landing.reasons import MEANING, STATUS_MEANING
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -102,6 +103,7 @@ def tables() -> str:
     parts += [
         values_table("Statuses of an estimate", "status", STATUS_MEANING),
         values_table("Reasons of a verdict", "code", MEANING),
+        values_table("What withholds a request", "code", WORDS),
         events_table(),
     ]
     return "\n\n".join(parts) + "\n"

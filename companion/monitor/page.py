@@ -46,10 +46,7 @@ def view_of(watch: Watch, chosen: str | None, now_s: float) -> View:
     watch.tick(now_s)
     with watch.lock:
         vehicles = sorted(watch.vehicles.values(), key=lambda v: v.name)
-        names = [
-            (v.name, v.decision.verdict if v.decision else "unknown", watch.is_silent(v, now_s))
-            for v in vehicles
-        ]
+        names = [(v.name, words.look(v.decision, v.health), watch.is_silent(v, now_s)) for v in vehicles]
         silent = [(v.name, now_s - v.silent_since_s) for v in vehicles if v.silent_since_s is not None]
         vehicle = watch.vehicles.get(chosen) if chosen else None
         if vehicle is None and chosen is None and vehicles:
@@ -190,12 +187,13 @@ class Page:
         self.refresh()
 
     def _show_now(self, vehicle: Vehicle, silent: bool) -> None:
-        estimate, decision = vehicle.estimate, vehicle.decision
-        known = decision is not None and decision.verdict in words.VERDICTS and not silent
-        verdict = decision.verdict if decision is not None and known else "unknown"
-        self._verdict.set_text(words.SILENT if silent else words.verdict(decision))
+        estimate, decision, health = vehicle.estimate, vehicle.decision, vehicle.health
+        verdict = "unknown" if silent else words.look(decision, health)
+        self._verdict.set_text(words.SILENT if silent else words.verdict(decision, health))
         self._verdict.classes(replace=f"verdict is-{verdict}")
-        self._against.set_text(words.SAID_LAST if silent else _lines(words.against(decision, estimate)))
+        self._against.set_text(
+            words.SAID_LAST if silent else _lines(words.against(decision, estimate, health))
+        )
         figures = words.figures(estimate)
         self._inclination.set_text(figures["inclination_deg"])
         self._slopes.set_text(figures["slopes"])

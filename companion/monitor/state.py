@@ -5,18 +5,13 @@ from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-import msgspec
-
 from companion.messages.messages import Decision, Estimate, Event, Health
 from companion.messages.preview import Preview
+from companion.messages.received import Received, received
 from companion.monitor.options import MonitorOptions
 from drivers.bus import Delivery
 
 RATE_WINDOW_S = 2.0
-LATEST_US = 4_102_444_800_000_000
-"""The year 2100: a later time is nonsense, and beyond what the formats can hold."""
-LARGEST_FRAME = 2**53
-LARGEST_IMAGE_PX = 100_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,13 +59,6 @@ class Watch:
         """Deliveries of vehicles beyond the most that are kept."""
         self.listeners: list[Callable[[str, object], None]] = []
         """Called with (vehicle, message) for every message that was taken."""
-        self._decoders: dict[str, msgspec.json.Decoder] = {
-            "estimate": msgspec.json.Decoder(Estimate),
-            "decision": msgspec.json.Decoder(Decision),
-            "health": msgspec.json.Decoder(Health),
-            "event": msgspec.json.Decoder(Event),
-            "preview": msgspec.json.Decoder(Preview),
-        }
 
     def take(self, delivery: Delivery, now_s: float) -> None:
         """Take in one delivery; what cannot be understood is counted and passed over."""
@@ -132,22 +120,17 @@ class Watch:
         del self.vehicles[min(silent, key=lambda vehicle: vehicle.heard_s or 0.0).name]
         return True
 
-    def _decoded(self, delivery: Delivery) -> Estimate | Decision | Health | Event | Preview | None:
-        decoder = self._decoders.get(delivery.topic)
+    def _decoded(self, delivery: Delivery) -> Received | None:
         raw = delivery.attachment if delivery.topic == "preview" else delivery.payload
-        if decoder is None or len(delivery.payload) + len(raw) > self.options.max_message_bytes:
+        if len(delivery.payload) + len(raw) > self.options.max_message_bytes:
             return None
-        try:
-            found: Estimate | Decision | Health | Event | Preview = decoder.decode(raw)
-        except (msgspec.MsgspecError, RecursionError):
-            return None
-        return found if _is_plausible(found) else None
+        return received(delivery.topic, raw, self.options.max_message_bytes)
 
     def _store(
         self,
         vehicle: Vehicle,
         delivery: Delivery,
-        message: Estimate | Decision | Health | Event | Preview,
+        message: Received,
         now_s: float,
     ) -> None:
         vehicle.heard_s = now_s
@@ -169,12 +152,3 @@ class Watch:
                 vehicle.events.append(message)
             case Preview():
                 vehicle.preview, vehicle.picture = message, delivery.payload
-
-
-def _is_plausible(message: Estimate | Decision | Health | Event | Preview) -> bool:
-    """Whether its numbers are ones that can be shown: a vehicle is believed no further than that."""
-    if not 0 <= message.time_unix_us <= LATEST_US:
-        return False
-    if isinstance(message, Preview):
-        return 0 < message.width <= LARGEST_IMAGE_PX and 0 < message.height <= LARGEST_IMAGE_PX
-    return not isinstance(message, Estimate | Decision) or 0 <= message.frame <= LARGEST_FRAME

@@ -10,6 +10,7 @@ LARGEST_PLAIN = 1e6
 LONGEST_TEXT = 400
 LATE_SHOWN_S = 0.003
 COMPASS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
+FORBIDDEN = "NO LANDING"
 VERDICTS = {"fit": "FIT TO LAND", "unfit": "NOT FIT", "unknown": "UNKNOWN"}
 
 
@@ -83,18 +84,29 @@ def bearing(degrees: float | None) -> str:
     return f"{degrees % 360:.0f}° {COMPASS[round(degrees % 360 / 45) % len(COMPASS)]}"
 
 
-def verdict(decision: Decision | None) -> str:
-    """The verdict in capitals."""
-    return (
-        VERDICTS["unknown"] if decision is None else VERDICTS.get(decision.verdict, decision.verdict.upper())
-    )
+def verdict(decision: Decision | None, health: Health | None = None) -> str:
+    """The verdict in capitals; a fit surface on which something forbids a landing is no invitation to land."""
+    if decision is None:
+        return VERDICTS["unknown"]
+    if decision.verdict == "fit" and look(decision, health) != "fit":
+        return FORBIDDEN
+    return VERDICTS.get(decision.verdict, decision.verdict.upper())
 
 
-def against(decision: Decision | None, estimate: Estimate | None) -> list[str]:
-    """What stands against landing now, in words."""
+def look(decision: Decision | None, health: Health | None) -> str:
+    """As what the verdict is coloured: "fit" only where no standing condition forbids a landing."""
+    if decision is None or decision.verdict not in VERDICTS:
+        return "unknown"
+    forbidden = health is not None and any(c.forbids_landing for c in health.conditions)
+    return "unknown" if forbidden and decision.verdict == "fit" else decision.verdict
+
+
+def against(decision: Decision | None, estimate: Estimate | None, health: Health | None = None) -> list[str]:
+    """What stands against landing now, in words: first what forbids it whatever the surface."""
     if decision is None:
         return ["no decision has come yet"]
-    found = list(decision.reasons)
+    forbidding = [] if health is None else [c.text for c in health.conditions if c.forbids_landing]
+    found = [*forbidding, *(reason for reason in decision.reasons if reason not in forbidding)]
     if estimate is not None and estimate.status != "ok":
         line = f"no estimate: {estimate.status}"
         if line not in found and estimate.status not in " ".join(found):

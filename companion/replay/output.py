@@ -11,7 +11,7 @@ from companion.errors import LandslopeError
 from companion.messages.messages import Decision, Event, Message, encode
 
 PLACEHOLDER = "{flight}"
-ENDINGS = {"out": ".jsonl", "events": ".events.jsonl", "plot": ".png", "video": ".mp4"}
+ENDINGS = {"out": ".jsonl", "events": ".events.jsonl", "plot": ".png", "video": ".webm", "report": ".html"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,11 +22,14 @@ class Outputs:
     events: Path | None = None
     plot: Path | None = None
     video: Path | None = None
+    report: Path | None = None
 
     @property
     def paths(self) -> list[Path]:
         """Those that are wanted."""
-        return [path for path in (self.out, self.events, self.plot, self.video) if path is not None]
+        return [
+            path for path in (self.out, self.events, self.plot, self.video, self.report) if path is not None
+        ]
 
 
 def names_of(flights: Sequence[Path]) -> list[str]:
@@ -40,7 +43,7 @@ def names_of(flights: Sequence[Path]) -> list[str]:
 
 
 def outputs_for(name: str, wanted: dict[str, str | None], several: bool) -> Outputs:
-    """The files of one flight for the option values of ``--out``, ``--events``, ``--plot`` and ``--video``.
+    """The files of one flight for the option values of ``--out``, ``--events``, ``--plot`` and so on.
 
     A directory (it exists, or the value ends in a slash) takes ``FLIGHT.jsonl`` and so on; ``{flight}``
     stands for the flight's name. With several flights a plain file name is refused.

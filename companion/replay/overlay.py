@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.errors import LandslopeError
 from companion.messages.messages import Decision
+from drivers.files.video_writer import VideoWriter, open_video
 from landing.estimate import SurfaceEstimate
 from landing.reasons import in_words
 from landing.vision.camera import CameraModel
@@ -60,12 +60,18 @@ def draw(image: Image, estimate: SurfaceEstimate, camera: CameraModel, scene: Sc
 
 
 class OverlayWriter:
-    """Writes the pictures as an MP4 file, at the frames' own rate."""
+    """Writes the pictures as a video that browsers play, at the frames' own rate.
 
-    def __init__(self, path: Path, camera: CameraModel) -> None:
+    ``width_px`` scales the pictures down to that width. Raises DriverError when the file cannot be written.
+    """
+
+    def __init__(self, path: Path, camera: CameraModel, width_px: int | None = None) -> None:
+        self.fps = DEFAULT_FPS
+        """Pictures a second, known once some have been seen."""
         self._path = path
         self._camera = camera
-        self._writer: cv2.VideoWriter | None = None
+        self._width_px = width_px
+        self._writer: VideoWriter | None = None
         self._pending: list[Image] = []
         self._times: list[float] = []
         self._decision: Decision | None = None
@@ -82,6 +88,9 @@ class OverlayWriter:
     def add(self, image: Image, estimate: SurfaceEstimate, time_s: float) -> None:
         """Draw one frame."""
         picture = draw(image, estimate, self._camera, Scene(self._decision, time_s, self._requested_s))
+        if self._width_px is not None and picture.shape[1] > self._width_px:
+            size = (self._width_px, round(picture.shape[0] * self._width_px / picture.shape[1]))
+            picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False)
         if self._writer is None:
             # The rate is known only once some frames have been seen.
             self._pending.append(picture)
@@ -92,19 +101,18 @@ class OverlayWriter:
             self._writer.write(picture)
 
     def close(self) -> None:
-        """Finish the file."""
+        """Finish the file; without a picture there is none."""
         if self._writer is None and self._pending:
             self._open()
         if self._writer is not None:
-            self._writer.release()
+            writer, self._writer = self._writer, None
+            writer.close()
 
     def _open(self) -> None:
         steps = np.diff(self._times)
-        fps = 1 / float(np.median(steps)) if steps.size and np.median(steps) > 0 else DEFAULT_FPS
+        self.fps = 1 / float(np.median(steps)) if steps.size and np.median(steps) > 0 else DEFAULT_FPS
         height, width = self._pending[0].shape[:2]
-        self._writer = cv2.VideoWriter(str(self._path), cv2.VideoWriter.fourcc(*"mp4v"), fps, (width, height))
-        if not self._writer.isOpened():
-            raise LandslopeError(f"{self._path}: a video of {width} x {height} cannot be written there")
+        self._writer = open_video(self._path, self.fps, width, height)
         for picture in self._pending:
             self._writer.write(picture)
         self._pending.clear()

@@ -4,7 +4,7 @@ import queue
 import time
 from dataclasses import replace
 
-from companion.core.command import WAITING, CommandState
+from companion.core.command import WAITING, Command, CommandState
 from companion.core.core import LandRequest
 from companion.errors import LandslopeError
 from companion.live.commander import LONGEST_COMMAND_S, Commander
@@ -74,7 +74,7 @@ class Rehearsal:
     @property
     def busy(self) -> bool:
         """Whether the command still waits for its answer, or for the mode to follow it."""
-        waiting = self._state.state in WAITING or self._state.state == "accepted"
+        waiting = self._state.code in WAITING or self._state.code is Command.ACCEPTED
         return self._commander.busy or (waiting and time.monotonic() < self._followed_until)
 
     def close(self) -> None:

@@ -14,6 +14,8 @@ from companion.messages.messages import Decision, Message, topic_of
 from companion.replay.history import History
 from companion.replay.output import LineFile, Outputs
 from companion.replay.overlay import OverlayWriter
+from companion.replay.report.page import write_report
+from companion.replay.report.recorder import ReportRecorder
 from companion.replay.source import PlainCamera, ReplaySource, open_source
 from companion.replay.summary import Pace, summary
 from drivers.errors import DriverError
@@ -80,6 +82,8 @@ def replay(job: ReplayJob, progress: Progress = lambda done, total: None) -> str
         run = _Run(job, source, stack, progress)
         damage = run.all()
         text = summary(job.name, run.history, source.settings.decision, run.pace)
+        if run.report is not None and job.outputs.report is not None:
+            write_report(job.name, run.history, source.settings, run.report, job.outputs.report)
     if job.outputs.plot is not None:
         from companion.replay.plot import plot
 
@@ -106,7 +110,8 @@ class _Run:
         self._out = LineFile(outputs.out) if outputs.out else None
         self._events = LineFile(outputs.events) if outputs.events else None
         self._video = OverlayWriter(outputs.video, source.camera) if outputs.video else None
-        for file in (self._out, self._events, self._video):
+        self.report = ReportRecorder(source.camera) if outputs.report else None
+        for file in (self._out, self._events, self._video, self.report):
             if file:
                 stack.callback(file.close)
         self._publisher, self._preview = _published(job, source, stack)
@@ -137,6 +142,8 @@ class _Run:
         after_s = self._job.enable_after_s
         if after_s is not None and self.history.now_s >= after_s:
             self._core.set_enabled(True)
+        if self.report:
+            self.report.sample(sample, self.history.now_s)
         if not (self._autopilot and self._autopilot.replaces(sample)):
             self._take(self._core.feed(sample))
         self._take_answers()
@@ -149,20 +156,27 @@ class _Run:
     def _take(self, outputs: list[Output]) -> None:
         for output in outputs:
             if isinstance(output, LandRequest):
-                if self._video:
-                    self._video.requested(self.history.now_s)
+                for picture in (self._video, self.report):
+                    if picture:
+                        picture.requested(self.history.now_s)
                 if self._autopilot:
                     self._autopilot.request(output)
             elif not isinstance(output, Processed):
                 self._message(output)
             elif self._preview:
                 self._preview.put(output.frame, output.estimate, self.history.estimates[-1].time_unix_us)
-        if self._video:
-            started_s = time.thread_time()
-            for output in outputs:
-                if isinstance(output, Processed):
+        if self._video or self.report:
+            self._draw(outputs)
+
+    def _draw(self, outputs: list[Output]) -> None:
+        started_s = time.thread_time()
+        for output in outputs:
+            if isinstance(output, Processed):
+                if self._video:
                     self._video.add(output.frame.image, output.estimate, self.history.now_s)
-            self._drawing_s += time.thread_time() - started_s
+                if self.report:
+                    self.report.picture(output.frame, output.estimate, self.history.now_s)
+        self._drawing_s += time.thread_time() - started_s
 
     def _message(self, message: Message) -> None:
         self.history.add(message)
@@ -174,6 +188,8 @@ class _Run:
             self._last_decision = message
             if self._video:
                 self._video.decided(message)
+        if self.report:
+            self.report.message(message, self.history.now_s)
         if self._publisher:
             self._publisher.publish(message)
 

@@ -111,15 +111,15 @@ def _body(history: History, limits: DecisionOptions) -> Iterator[str]:
         yield "no frame could be used"
         yield from _refusals(history)
         return
-    yield from _labelled("estimates", [_share(history)])
+    yield from _labelled("estimates", [share_line(history)])
     if not all(e.calibrated for e in estimates):
         yield from _labelled("caution", ["uncalibrated camera: slopes are only roughly right"])
     good = [e for e in estimates if e.status == "ok"]
     if good and all(e.inclination_deg is None for e in good):
         yield from _labelled("caution", ["no attitude: slopes are relative to the camera, not to gravity"])
     yield from _labelled("below", [str(stretch) for stretch in stretches(history, limits)])
-    yield from _labelled("fit", [_fit(history)])
-    yield from _labelled("landing", list(_landing(history)))
+    yield from _labelled("fit", [fit_line(history)])
+    yield from _labelled("landing", list(landing_lines(history)))
     yield from _labelled("trouble", list(_trouble(history)))
     yield from _refusals(history)
 
@@ -129,7 +129,8 @@ def _labelled(label: str, lines: list[str]) -> Iterator[str]:
         yield f"{label if number == 0 else '':<{LABEL_WIDTH}}{line}"
 
 
-def _share(history: History) -> str:
+def share_line(history: History) -> str:
+    """How many frames have an estimate, and why the others have none."""
     statuses = Counter(e.status for e in history.estimates)
     total, good = len(history.estimates), statuses.pop("ok", 0)
     text = f"{good} of {total} frames ({100 * good / total:.0f} %)"
@@ -138,7 +139,8 @@ def _share(history: History) -> str:
     return text
 
 
-def _fit(history: History) -> str:
+def fit_line(history: History) -> str:
+    """Since when and how long the surface was fit."""
     first = next((told for told in history.decisions if told[1].verdict == "fit"), None)
     if first is None:
         against = Counter(reason.partition(":")[0] for e in history.estimates for reason in e.against_flat)
@@ -151,7 +153,8 @@ def _fit(history: History) -> str:
     )
 
 
-def _landing(history: History) -> Iterator[str]:
+def landing_lines(history: History) -> Iterator[str]:
+    """The request to land and what became of it, or why there was none."""
     told = [(at_s, e) for at_s, e in history.events if e.event in LANDING_EVENTS]
     for at_s, event in told:
         if event.event == "landing_requested":

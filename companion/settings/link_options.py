@@ -6,6 +6,9 @@ from companion.settings.settings import Settings
 from drivers.mavlink.link import LinkOptions
 from drivers.mavlink.signing import read_key
 
+SYSTEM_STATUS_HZ = 2.0
+"""SYS_STATUS says whether the radio is heard."""
+
 
 def link_options(settings: Settings, connection: str = "") -> LinkOptions:
     """Options of a link on ``connection``, or on ``mavlink.connection``. Raises DriverError on a bad signing key."""
@@ -21,6 +24,9 @@ def link_options(settings: Settings, connection: str = "") -> LinkOptions:
             "IMU": m.imu_rate_hz,
             "LOCAL_POSITION_NED": m.position_rate_hz,
             "EXTENDED_SYS_STATE": m.state_rate_hz,
+            "SYS_STATUS": SYSTEM_STATUS_HZ,
+            "CURRENT_MODE": m.state_rate_hz,
+            "MANUAL_CONTROL": m.state_rate_hz,
         }
         | radio,
         forward=m.forward,

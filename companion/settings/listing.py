@@ -12,6 +12,7 @@ from companion.settings.settings_file import (
     value_of,
     written,
 )
+from drivers.secrets import masked
 
 
 def missing_files(loaded: LoadedSettings) -> Iterator[str]:
@@ -23,7 +24,7 @@ def missing_files(loaded: LoadedSettings) -> Iterator[str]:
 
 
 def in_force(loaded: LoadedSettings, internal: bool = False) -> Iterator[str]:
-    """The settings as TOML; each with its unit, its meaning and its origin behind it.
+    """The settings as TOML, secrets masked; each with its unit, its meaning and its origin behind it.
 
     Of the internal settings only those that a file or an override sets, or all with ``internal``.
     """
@@ -34,7 +35,7 @@ def in_force(loaded: LoadedSettings, internal: bool = False) -> Iterator[str]:
         if (head := entry.path.rpartition(".")[0]) != section:
             yield f"{'' if not section else chr(10)}[{head}]"
             section = head
-        value = f"{entry.path.rpartition('.')[2]} = {written(value_of(loaded.settings, entry.path))}"
+        value = f"{entry.path.rpartition('.')[2]} = {masked(written(value_of(loaded.settings, entry.path)))}"
         origin = loaded.origins[entry.path]
         remarks = [entry.unit, entry.meaning, "internal" if entry.internal else ""]
         remarks += [origin if origin == DEFAULT else f"from {origin}"]

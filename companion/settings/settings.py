@@ -204,6 +204,12 @@ class LandingSettings:
     enable_modes: Annotated[
         tuple[str, ...], Meaning("flight modes that act as the pilot's switch; empty: none")
     ] = ()
+    vehicle_types: Annotated[
+        tuple[str, ...],
+        Meaning(
+            'vehicles beside multicopters and hovering VTOLs that may be landed, as "FIXED_WING" of MAV_TYPE'
+        ),
+    ] = ()
     stick_limit_us: Annotated[
         int, Limits(0, 600, "us", "stick movement that ends the permission; 0: never")
     ] = 300
@@ -239,10 +245,17 @@ class RecordSettings:
         5.0
     )
     jpeg_quality: Annotated[int, Limits(50, 100, "", "JPEG quality of the recorded frames")] = 95
-    max_flight_mb: Annotated[int, Limits(1, 1_000_000, "MB", "maximum size of one recording")] = 4000
+    max_flight_mb: Annotated[int, Limits(1, 1_000_000, "MB", "size at which a new folder is begun")] = 4000
     min_free_mb: Annotated[int, Limits(1, 1_000_000, "MB", "free space below which nothing is recorded")] = (
         500
     )
+    max_total_mb: Annotated[
+        int, Limits(0, 100_000_000, "MB", "maximum size of all flight folders together; 0: no limit")
+    ] = 0
+    when_full: Annotated[
+        Literal["stop", "delete_oldest"],
+        Meaning("at record.max_total_mb or record.min_free_mb: stop recording, or delete the oldest flights"),
+    ] = "stop"
     mcap: Annotated[bool, Meaning("also write flight.mcap for Foxglove (needs the extra 'record')")] = False
 
 

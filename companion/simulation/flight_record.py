@@ -18,7 +18,7 @@ from drivers.files.recorder import FlightPapers, Recorder, RecorderOptions
 from drivers.samples import Frame
 from drivers.simulated.world.truth import FrameTruth, write_truth
 
-UNBOUNDED = 10**9
+UNBOUNDED = 10**15
 """A lockstep flight can wait for the disk: nothing is dropped."""
 CLOSE_S = 60.0
 TRUTH = "truth.csv"
@@ -30,7 +30,13 @@ class FlightRecord:
     """Records frames, packets and messages of one flight into a new folder under ``directory``."""
 
     def __init__(self, directory: Path, settings: Settings, rate_hz: float) -> None:
-        options = RecorderOptions(directory, rate_hz=rate_hz, max_waiting=UNBOUNDED, min_free_bytes=0)
+        options = RecorderOptions(
+            directory,
+            rate_hz=rate_hz,
+            max_waiting_bytes=UNBOUNDED,
+            max_flight_bytes=UNBOUNDED,
+            min_free_bytes=0,
+        )
         papers: FlightPapers = flight_papers(settings)
         self._recorder = Recorder(options, papers)
         self._recorder.start()

@@ -25,7 +25,7 @@ from companion.simulation.scenario import Scenario
 from companion.simulation.scene import Scene, sensor_errors
 from companion.simulation.virtual_link import VirtualLink
 from drivers.cameras.checks import FrameCheck
-from drivers.files.camera_info import CameraInfo, write_camera_info
+from drivers.files.camera_info import EQUIDISTANT, CameraInfo, write_camera_info
 from drivers.samples import Frame, Refusal, Sample
 from drivers.simulated.vehicle.autopilot_protocol import AutopilotProtocol
 from drivers.simulated.vehicle.flight_controller import FlightController
@@ -82,6 +82,7 @@ def flight_settings(
         lens.height,
         tuple(map(float, lens.matrix.ravel())),
         tuple(map(float, lens.distortion)),
+        EQUIDISTANT if lens.equidistant else "plumb_bob",
         name="simulated",
     )
     write_camera_info(calibration, info)

@@ -28,7 +28,12 @@ class CameraScene:
     width_px: Annotated[int, Limits(64, 1920, "px", "width of the image")] = 320
     height_px: Annotated[int, Limits(48, 1200, "px", "height of the image")] = 240
     fov_deg: Annotated[float, Limits(20, 120, "deg", "field of view across the image")] = 64.0
-    distortion: Annotated[tuple[float, ...], Meaning("k1, k2, p1, p2, k3 as OpenCV has them")] = ()
+    lens: Annotated[
+        Literal["pinhole", "equidistant"], Meaning("the projection; equidistant is a fisheye lens")
+    ] = "pinhole"
+    distortion: Annotated[
+        tuple[float, ...], Meaning("k1, k2, p1, p2, k3 as OpenCV has them; equidistant: k1 to k4")
+    ] = ()
     rate_hz: Annotated[float, Limits(1, 120, "Hz", "frames a second")] = 20.0
     latency_s: Annotated[float, Limits(0, 0.5, "s", "from exposure to arrival")] = 0.02
     late_s: Annotated[float, Limits(-0.1, 0.1, "s", "how late the stamps are")] = 0.0

@@ -101,11 +101,12 @@ def _optics(scenario: Scenario) -> tuple[Lens, CameraModel]:
     mount = body_from_camera(
         *(math.radians(a) for a in (c.mount_roll_deg, c.mount_pitch_deg, c.mount_yaw_deg))
     )
-    plain = Lens.from_fov(c.width_px, c.height_px, c.fov_deg, mount)
-    distortion = np.zeros(5)
-    distortion[: len(c.distortion)] = c.distortion[:5]
-    lens = Lens(c.width_px, c.height_px, plain.matrix, distortion, mount)
-    return lens, CameraModel(c.width_px, c.height_px, lens.matrix, distortion, mount)
+    wide = c.lens == "equidistant"
+    plain = Lens.from_fov(c.width_px, c.height_px, c.fov_deg, mount, equidistant=wide)
+    distortion = np.zeros_like(plain.distortion)
+    distortion[: len(c.distortion)] = c.distortion[: len(distortion)]
+    lens = replace(plain, distortion=distortion)
+    return lens, CameraModel(c.width_px, c.height_px, lens.matrix, distortion, mount, equidistant=wide)
 
 
 def _sensor(scenario: Scenario) -> SensorOptions:

@@ -24,8 +24,8 @@ class MinimumDelayStamper:
     least delay itself stays in: that constant is what ``camera.time_offset_s`` takes out.
 
     A sender that counts frames at a nominal rate makes its times up: the delay then rises steadily. Frames are stamped
-    with their arrival from then on (``made_up``). No stamp is earlier, by more than ``max_early_us``, than the least delayed
-    of the newest frames says.
+    with their arrival from then on (``made_up``). No stamp is earlier than the least
+    delayed of the newest frames says by more than ``max_early_us``.
     """
 
     def __init__(

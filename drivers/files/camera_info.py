@@ -1,16 +1,34 @@
-"""A camera's calibration in the YAML layout of ROS camera_info, as its calibration tools write it."""
+"""A camera's calibration: the YAML layout of ROS camera_info, written; that and what other tools write, read."""
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import yaml
 
 from drivers.errors import DriverError
+from drivers.files.calibration_yaml import parse
+from drivers.files.foreign_calibration import fields_of, matrix_of, numbers_of, size_of
 
-COEFFICIENTS = {"plumb_bob": (4, 5), "rational_polynomial": (8, 12, 14)}
+EQUIDISTANT = "equidistant"
+COEFFICIENTS = {
+    "plumb_bob": (4, 5),
+    "rational_polynomial": (4, 5, 8, 12, 14),
+    EQUIDISTANT: (4,),
+}
 """Distortion models and how many coefficients each may have, in OpenCV's order."""
+
+MODELS = {
+    "": "plumb_bob",
+    "none": "plumb_bob",
+    "radtan": "plumb_bob",
+    "radial-tangential": "plumb_bob",
+    "fisheye": EQUIDISTANT,
+    "kannala_brandt": EQUIDISTANT,
+    "equi": EQUIDISTANT,
+} | {name: name for name in COEFFICIENTS}
+"""Names of distortion models, of ROS and of other tools."""
+
+_UNDISTORTED = {"plumb_bob": (0.0,) * 5, "rational_polynomial": (0.0,) * 8, EQUIDISTANT: (0.0,) * 4}
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,32 +44,37 @@ class CameraInfo:
 
 
 def read_camera_info(path: Path) -> CameraInfo:
-    """The calibration in a file; DriverError naming the file and the field that is wrong."""
-    try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
+    """The calibration in a file; DriverError naming the file and the field that is wrong.
+
+    Files of ROS (camera_calibration, topic echo), OpenCV's FileStorage and Kalibr are read.
+    """
+    content = fields_of(path, parse(path))
+    given = str(content.get("distortion_model") or "").strip().lower()
+    if given not in MODELS:
         raise DriverError(
-            f"{path}: the camera's calibration cannot be read ({error.strerror}); "
-            "calibrate with 'landslope calibrate', or set camera.calibration to the right file"
-        ) from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        where = str(error).split("\n")[0]
-        raise DriverError(f"{path}: not a YAML file ({where}); write the calibration anew") from None
-    if not isinstance(content, dict):
-        raise DriverError(f"{path}: no camera_info in it: a mapping with image_width, camera_matrix, ...")
-    model = str(content.get("distortion_model", "plumb_bob"))
-    if model not in COEFFICIENTS:
-        raise DriverError(f"{path}: distortion_model '{model}' is not known: {' or '.join(COEFFICIENTS)}")
-    matrix = _numbers(path, content, "camera_matrix")
-    distortion = _numbers(path, content, "distortion_coefficients")
+            f"{path}: distortion_model '{given}' is not known, but {', '.join(COEFFICIENTS)}; calibrate with one "
+            "of these, or with 'landslope calibrate'"
+        )
+    model = MODELS[given]
+    matrix = matrix_of(path, content)
+    if content.get("distortion_coefficients") is None:
+        raise DriverError(f"{path}: distortion_coefficients is missing; 'data: []' says that there is none")
+    distortion = numbers_of(path, content, "distortion_coefficients") or _UNDISTORTED[model]
     if len(matrix) != 9 or matrix[0] <= 0 or matrix[4] <= 0 or matrix[8] != 1:
         raise DriverError(f"{path}: camera_matrix must be 3 x 3 with positive focal lengths, last number 1")
+    if not given and len(distortion) == 4:
+        raise DriverError(
+            f"{path}: four distortion coefficients of a lens that is not named: add 'distortion_model: plumb_bob', or "
+            "'distortion_model: equidistant' for a calibration by cv2.fisheye"
+        )
+    if not given and len(distortion) not in COEFFICIENTS[model]:
+        model = "rational_polynomial"  # OpenCV's files do not name it
     if len(distortion) not in COEFFICIENTS[model]:
         allowed = " or ".join(map(str, COEFFICIENTS[model]))
         raise DriverError(f"{path}: {len(distortion)} distortion coefficients; {model} has {allowed}")
     return CameraInfo(
-        _size(path, content, "image_width"),
-        _size(path, content, "image_height"),
+        size_of(path, content, "image_width"),
+        size_of(path, content, "image_height"),
         matrix,
         distortion,
         model,
@@ -77,23 +100,3 @@ def write_camera_info(path: Path, info: CameraInfo) -> None:
         path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise DriverError(f"{path}: cannot be written ({error.strerror}); choose another path") from None
-
-
-def _numbers(path: Path, content: dict[str, Any], name: str) -> tuple[float, ...]:
-    """The finite numbers of a matrix given as rows, cols, data."""
-    block = content.get(name)
-    data = block.get("data") if isinstance(block, dict) else None
-    if not isinstance(data, list) or not all(_is_number(value) for value in data):
-        raise DriverError(f"{path}: {name} must have 'data', a list of finite numbers")
-    return tuple(map(float, data))
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _size(path: Path, content: dict[str, Any], name: str) -> int:
-    value = content.get(name)
-    if not isinstance(value, int) or isinstance(value, bool) or value <= 0:
-        raise DriverError(f"{path}: {name} must be a positive number of pixels, not {value!r}")
-    return value

@@ -51,3 +51,10 @@ def mode_name(autopilot: int, vehicle_type: int, custom_mode: int) -> str:
         entry = mavlink.enums.get(enumeration, {}).get(custom_mode)
         name = entry.name.removeprefix(enumeration + "_") if entry else None
     return name or f"MODE {custom_mode}"
+
+
+@lru_cache(maxsize=64)
+def vehicle_type(number: int) -> str:
+    """A MAV_TYPE by name ("quadrotor", "fixed_wing", "vtol_tiltrotor"); "type 77" where it has none."""
+    entry = mavlink.enums["MAV_TYPE"].get(number)
+    return entry.name.removeprefix("MAV_TYPE_").lower() if entry else f"type {number}"

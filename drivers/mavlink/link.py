@@ -35,10 +35,18 @@ DEFAULT_SYSTEM_ID = 1
 IMU_OF = {"ardupilot": ("RAW_IMU",), "px4": ("HIGHRES_IMU",)}
 """Autopilot -> the gyro message it sends; an unknown one is asked for both."""
 
+ONLY_OF = {"CURRENT_MODE": "px4", "MANUAL_CONTROL": "px4"}
+"""Message -> the autopilot that sends it: PX4's HEARTBEAT keeps to 1 Hz, and it passes a joystick's sticks on."""
+MAY_BE_MISSING = frozenset({"MANUAL_CONTROL", "RC_CHANNELS", "CURRENT_MODE"})
+"""Messages that come only with a joystick, a receiver, or from newer firmware: none is no rate that is too low."""
+
 
 @dataclass(frozen=True, slots=True)
 class LinkOptions:
-    """How a link is used. ``rates_hz``: message name -> rate; "IMU" stands for the gyro message of the autopilot."""
+    """How a link is used. ``rates_hz``: message name -> rate; "IMU" stands for the gyro message of the autopilot.
+
+    Messages of one autopilot alone (``ONLY_OF``) are asked of that one.
+    """
 
     connection: str
     system_id: int = 0
@@ -248,7 +256,7 @@ class Link:
             self.answers.append(sample)
 
     def _wanted(self, autopilot: str) -> dict[str, float]:
-        wanted = dict(self.options.rates_hz)
+        wanted = {n: hz for n, hz in self.options.rates_hz.items() if ONLY_OF.get(n, autopilot) == autopilot}
         imu_hz = wanted.pop("IMU", None)
         if imu_hz is not None:
             wanted.update(dict.fromkeys(IMU_OF.get(autopilot, ("RAW_IMU", "HIGHRES_IMU")), imu_hz))
@@ -293,7 +301,7 @@ class Link:
 
     def _tell_slow(self, now_us: int) -> None:
         slow = self.rates.slow
-        for name in slow.keys() - self._slow:
+        for name in slow.keys() - self._slow - MAY_BE_MISSING:
             text = f"{name} comes at {slow[name]:.1f} Hz, {self.rates.wanted_hz[name]:g} Hz were asked for"
             self._event("rate_too_low", "warning", text, now_us, message=name)
         self._slow = frozenset(slow)

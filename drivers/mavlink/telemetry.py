@@ -6,18 +6,22 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from drivers.mavlink.flight_modes import AUTOPILOTS, mode_name
+from drivers.mavlink.flight_modes import AUTOPILOTS, mode_name, vehicle_type
 from drivers.samples import (
     GRAVITY,
     Attitude,
     ClockOffset,
     CommandAnswer,
+    CurrentMode,
     Heartbeat,
     Imu,
     LandedState,
+    ManualControl,
     RcChannels,
     Refusal,
     Sample,
+    StatusText,
+    SystemStatus,
     Vector3,
     Velocity,
 )
@@ -39,8 +43,15 @@ GYRO_RANK = {"HIGHRES_IMU": 0, "RAW_IMU": 1, "SCALED_IMU": 2, "SCALED_IMU2": 3, 
 """Gyro sources, best first: by resolution of the rate, then of the time stamp."""
 
 _LANDED = {0: "undefined", 1: "on_ground", 2: "in_air", 3: "takeoff", 4: "landing"}
+_VTOL = {1: "transition", 2: "transition", 3: "multicopter", 4: "fixed_wing"}
+_RADIO = mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
+_NO_AXIS = 0x7FFF
 _RC_FIELDS = tuple(f"chan{i}_raw" for i in range(1, 19))
 _RC_NONE = 0xFFFF
+_OF_MANY = frozenset(
+    {"TIMESYNC", "COMMAND_ACK", "RC_CHANNELS", "SYS_STATUS", "STATUSTEXT", "MANUAL_CONTROL", "CURRENT_MODE"}
+)
+"""Messages that gimbals, companions and ground stations send too: another component's is nothing to report."""
 _RESULTS = {n: e.name.removeprefix("MAV_RESULT_") for n, e in mavlink.enums["MAV_RESULT"].items()}
 
 
@@ -62,6 +73,7 @@ class TelemetryDecoder:
         self._component = component_id
         self._own_component = own_component
         self._ardupilot = True
+        self._kind: tuple[int, int] | None = None
         self._attitude_us: int | None = None
         self._quaternion_since_us: int | None = None
         self._gyro_us = 0
@@ -85,7 +97,7 @@ class TelemetryDecoder:
         system, component = message.get_srcSystem(), message.get_srcComponent()
         if name == "HEARTBEAT" and message.autopilot == mavlink.MAV_AUTOPILOT_INVALID:
             return ""  # ground stations, companions, gimbals
-        if name in ("TIMESYNC", "COMMAND_ACK", "RC_CHANNELS") and component != self._component:
+        if name in _OF_MANY and component != self._component:
             return ""
         if component == self._component:
             self.vehicles.add(system)
@@ -164,10 +176,31 @@ class TelemetryDecoder:
         autopilot = AUTOPILOTS.get(m.autopilot, f"autopilot {m.autopilot}")
         armed = bool(m.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
         mode = mode_name(m.autopilot, m.type, m.custom_mode)
-        return [Heartbeat(arrival_us, armed, mode, autopilot, m.system_status)]
+        self._kind = (m.autopilot, m.type)
+        return [Heartbeat(arrival_us, armed, mode, autopilot, m.system_status, vehicle_type(m.type))]
+
+    def _current_mode(self, m: Any, arrival_us: int) -> list[Sample]:
+        if self._kind is None:
+            return []  # which autopilot's numbers these are, its heartbeat says
+        intended = mode_name(*self._kind, m.intended_custom_mode) if m.intended_custom_mode else ""
+        return [CurrentMode(arrival_us, mode_name(*self._kind, m.custom_mode), intended)]
+
+    def _system_status(self, m: Any, arrival_us: int) -> list[Sample]:
+        present = bool(m.onboard_control_sensors_present & _RADIO)
+        enabled = bool(m.onboard_control_sensors_enabled & _RADIO)
+        healthy = bool(m.onboard_control_sensors_health & _RADIO)
+        return [SystemStatus(arrival_us, present, enabled, healthy)]
+
+    def _status_text(self, m: Any, arrival_us: int) -> list[Sample]:
+        return [StatusText(arrival_us, m.severity, m.text.rstrip("\0"))]
+
+    def _manual_control(self, m: Any, arrival_us: int) -> list[Sample]:
+        x, y, z, r = (None if axis == _NO_AXIS else int(axis) for axis in (m.x, m.y, m.z, m.r))
+        return [ManualControl(arrival_us, (x, y, z, r))]
 
     def _extended_state(self, m: Any, arrival_us: int) -> list[Sample]:
-        return [LandedState(arrival_us, _LANDED.get(m.landed_state, "undefined"))]
+        landed, vtol = _LANDED.get(m.landed_state, "undefined"), _VTOL.get(m.vtol_state, "undefined")
+        return [LandedState(arrival_us, landed, vtol)]
 
     def _rc_channels(self, m: Any, arrival_us: int) -> list[Sample]:
         pulses = (getattr(m, f) for f in _RC_FIELDS[: m.chancount])
@@ -208,6 +241,10 @@ _HANDLERS: dict[str, Callable[[TelemetryDecoder, Any, int], list[Sample]]] = {
     "HIGHRES_IMU": TelemetryDecoder._imu_highres,
     "LOCAL_POSITION_NED": TelemetryDecoder._local_position,
     "HEARTBEAT": TelemetryDecoder._heartbeat,
+    "CURRENT_MODE": TelemetryDecoder._current_mode,
+    "SYS_STATUS": TelemetryDecoder._system_status,
+    "STATUSTEXT": TelemetryDecoder._status_text,
+    "MANUAL_CONTROL": TelemetryDecoder._manual_control,
     "EXTENDED_SYS_STATE": TelemetryDecoder._extended_state,
     "RC_CHANNELS": TelemetryDecoder._rc_channels,
     "TIMESYNC": TelemetryDecoder._timesync,

@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 _WALL_MINUS_MONOTONIC_US = time.time_ns() // 1000 - time.monotonic_ns() // 1000
+EARLIEST_UNIX_S = 1_767_225_600
+"""1 January 2026, UTC: before the first version; no clock that shows an earlier date was ever set."""
 _drivers: list[Callable[[], int]] = []
 
 
@@ -14,6 +16,11 @@ def now_us() -> int:
     if _drivers:
         return _drivers[-1]()
     return time.monotonic_ns() // 1000 + _WALL_MINUS_MONOTONIC_US
+
+
+def has_date() -> bool:
+    """Whether the wall clock can be right: a board without a battery starts in the past, until it hears the time."""
+    return time.time() >= EARLIEST_UNIX_S
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""The camera model: pinhole with Brown-Conrady ("plumb_bob") or rational distortion, and its mount."""
+"""The camera model: pinhole with Brown-Conrady ("plumb_bob") or rational distortion, or equidistant, and its mount."""
 
 import cv2
 import numpy as np
@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from landing.errors import LandingError
 from landing.rotations import matrix_from_euler
+from landing.vision.fisheye import Fisheye, whitened
 
 DOWN: NDArray[np.float64] = np.array(((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)))
 """body_from_camera of a camera that looks down, the top of its image towards the nose."""
@@ -31,8 +32,13 @@ class CameraModel:
         matrix: NDArray[np.float64],
         distortion: NDArray[np.float64] | None = None,
         body_from_camera: NDArray[np.float64] = DOWN,
+        *,
+        equidistant: bool = False,
     ) -> None:
-        """``matrix`` (3, 3) and ``distortion`` (4, 5, 8, 12 or 14,) as OpenCV and ROS have them."""
+        """``matrix`` (3, 3) and ``distortion`` (4, 5, 8, 12 or 14,) as OpenCV and ROS have them.
+
+        ``equidistant``: a wide lens, ``distortion`` (4,) as of cv2.fisheye.
+        """
         self.width, self.height = int(width), int(height)
         self.matrix = np.asarray(matrix, np.float64).reshape(3, 3)
         self.distortion = np.zeros(5) if distortion is None else np.asarray(distortion, np.float64).ravel()
@@ -43,6 +49,17 @@ class CameraModel:
             raise LandingError(f"focal lengths {self.matrix[0, 0]}, {self.matrix[1, 1]} must be positive")
         if self.distortion.size not in (4, 5, 8, 12, 14) or not np.isfinite(self.distortion).all():
             raise LandingError(f"{self.distortion.size} distortion coefficients: must be 4, 5, 8, 12 or 14")
+        self.fisheye: Fisheye | None = None
+        """The lens, where it is an equidistant one."""
+        if equidistant:
+            if distortion is None:
+                self.distortion = np.zeros(4)
+            if self.distortion.size != 4 or self.matrix[0, 1] != 0:
+                raise LandingError(
+                    f"an equidistant lens with {self.distortion.size} distortion coefficients and skew "
+                    f"{self.matrix[0, 1]:g}: must be 4 coefficients and no skew"
+                )
+            self.fisheye = Fisheye(self.matrix, self.distortion)
 
         given = np.zeros(12)
         given[: min(12, self.distortion.size)] = self.distortion[:12]
@@ -68,6 +85,11 @@ class CameraModel:
         return cls(width, height, matrix, None, body_from_camera)
 
     @property
+    def equidistant(self) -> bool:
+        """Whether it is a wide lens, with the distortion of cv2.fisheye."""
+        return self.fisheye is not None
+
+    @property
     def focal_px(self) -> float:
         """Geometric mean of the two focal lengths."""
         return float(np.sqrt(self.matrix[0, 0] * self.matrix[1, 1]))
@@ -76,6 +98,8 @@ class CameraModel:
         """Normalised coordinates (n, 2) of pixels (n, 2)."""
         if len(points_px) == 0:
             return np.empty((0, 2))
+        if self.fisheye is not None:
+            return self.fisheye.undistort(points_px)
         points = np.ascontiguousarray(points_px, np.float64).reshape(-1, 1, 2)
         found = cv2.undistortPoints(points, self.matrix, self.distortion, None, None, None, _UNDISTORT)
         return np.asarray(found, np.float64).reshape(-1, 2)
@@ -83,6 +107,8 @@ class CameraModel:
     def project(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
         """Pixels (n, 2) of normalised coordinates (n, 2)."""
         points = np.asarray(points, np.float64)
+        if self.fisheye is not None:
+            return self.fisheye.project(points)
         if 0 < len(points) <= _FEW or (len(points) and self.distortion[12:].any()):
             # OpenCV's own way is the slower one for many points; it alone knows a tilted sensor
             space = np.ones((len(points), 1, 3))
@@ -110,6 +136,15 @@ class CameraModel:
         if self._prismatic:
             xy += np.multiply.outer((k[9], k[11]), r2 * r2)
         return np.dot(parts.T, p.T)
+
+    def whitener(self, whitener_px: NDArray[np.float64], pixels: NDArray[np.floating]) -> NDArray[np.float64]:
+        """C (3, n) of matches at ``pixels`` (n, 2), as in ``TrackPair``, from that in pixels.
+
+        A wide lens shows the same angle in far fewer normalised units at its axis than at the border.
+        """
+        if self.fisheye is None:
+            return whitener_px * self.focal_px
+        return whitened(whitener_px, *self.fisheye.scales(self.fisheye.undistort(pixels)))
 
 
 def _polynomial(r2: NDArray[np.float64], first: float, second: float, third: float) -> NDArray[np.float64]:

@@ -73,9 +73,9 @@ class Texture:
         total, along_x, along_y = np.stack(
             [np.dot(t.ravel().take(places), self._sums).T for t in tensor], 1
         ).astype(np.float64)
-        return self._whitener(total), self._bias(total, along_x, along_y)
+        return self.camera.whitener(self._whitener_px(total), pixels), self._bias(total, along_x, along_y)
 
-    def _whitener(self, tensor: Array) -> Array:
+    def _whitener_px(self, tensor: Array) -> Array:
         o = self.options
         xx, xy, yy = tensor * (o.window_px / o.grey_noise) ** 2
         # the covariance is grey noise through the texture, J^-1, and what no texture helps against (pixel locking):
@@ -89,7 +89,6 @@ class Texture:
         c11 = np.sqrt(ixx, out=out[0])
         c12 = np.divide(xy / whole, c11, out=out[1])
         np.sqrt(np.maximum(iyy - c12 * c12, 1e-12), out=out[2])
-        out *= self.camera.focal_px
         return out
 
     def _bias(self, tensor: Array, along_x: Array, along_y: Array) -> Array:

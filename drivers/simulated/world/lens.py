@@ -16,11 +16,16 @@ DOWN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 FIXED_POINT = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 1e-9)
 
 
+WIDEST = float(np.radians(85))
+"""Largest distance from the axis, as an angle over the focal length, that an equidistant lens may show."""
+
+
 @dataclass(frozen=True)
 class Lens:
     """A camera as it is calibrated: ``matrix`` (3, 3) in px, ``distortion`` OpenCV's coefficients (plumb_bob: 5).
 
-    ``body_from_camera`` (3, 3) is the mount. Pixel (0, 0) is the middle of the first pixel.
+    ``equidistant``: a wide lens, its distortion the four coefficients of cv2.fisheye. ``body_from_camera`` (3, 3) is
+    the mount. Pixel (0, 0) is the middle of the first pixel.
     """
 
     width: int
@@ -28,24 +33,42 @@ class Lens:
     matrix: Array
     distortion: Array = field(default_factory=lambda: np.zeros(5))
     body_from_camera: Array = field(default_factory=lambda: DOWN.copy())
+    equidistant: bool = False
 
     def __post_init__(self) -> None:
         if self.width < 8 or self.height < 8:
             raise DriverError(f"a simulated image needs at least 8 x 8 px, got {self.width} x {self.height}")
         if np.shape(self.matrix) != (3, 3) or min(self.matrix[0, 0], self.matrix[1, 1]) <= 0:
             raise DriverError("the camera matrix must be 3 x 3 with positive focal lengths")
+        if self.equidistant and np.size(self.distortion) != 4:
+            raise DriverError(
+                f"an equidistant lens has 4 distortion coefficients, got {np.size(self.distortion)}"
+            )
 
     @classmethod
     def from_fov(
-        cls, width: int, height: int, fov_deg: float, body_from_camera: Array | None = None
+        cls,
+        width: int,
+        height: int,
+        fov_deg: float,
+        body_from_camera: Array | None = None,
+        *,
+        equidistant: bool = False,
     ) -> "Lens":
         """A lens without distortion, ``fov_deg`` across, its axis through the image's middle."""
         if not 1 < fov_deg < 170:
             raise DriverError(f"the field of view must lie between 1 and 170 deg, got {fov_deg}")
-        focal = 0.5 * width / float(np.tan(np.radians(fov_deg) / 2))
+        half = float(np.radians(fov_deg) / 2)
+        focal = 0.5 * width / (half if equidistant else float(np.tan(half)))
         matrix = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
         mount = DOWN.copy() if body_from_camera is None else body_from_camera
-        return cls(width, height, matrix, body_from_camera=mount)
+        distortion = np.zeros(4 if equidistant else 5)
+        return cls(width, height, matrix, distortion, mount, equidistant)
+
+    @property
+    def straight(self) -> bool:
+        """Whether straight lines stay straight in the image."""
+        return not self.equidistant and not np.any(self.distortion)
 
     @property
     def focal_px(self) -> float:
@@ -70,17 +93,34 @@ class Lens:
         """Normalised (n, 2) to pixels (n, 2), with distortion."""
         solid = np.concatenate([points, np.ones((len(points), 1))], axis=1)
         zero = np.zeros(3)
-        pixels, _ = cv2.projectPoints(solid, zero, zero, self.matrix, self.distortion)
+        if self.equidistant:
+            pixels, _ = cv2.fisheye.projectPoints(
+                solid[:, None], zero, zero, self.matrix, np.asarray(self.distortion, np.float64)
+            )
+        else:
+            pixels, _ = cv2.projectPoints(solid, zero, zero, self.matrix, self.distortion)
         return np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
 
     def undistort(self, pixels: Array) -> Array:
         """Pixels (n, 2) to normalised (n, 2): the inverse of ``project``."""
         inverse = np.linalg.inv(self.matrix)
         points = pixels @ inverse[:2, :2].T + inverse[:2, 2]
-        if not np.any(self.distortion):
+        if self.straight:
             return points
         start = np.ascontiguousarray(pixels, dtype=np.float64).reshape(-1, 1, 2)
-        rough = cv2.undistortPoints(start, self.matrix, self.distortion, None, None, None, FIXED_POINT)
+        if self.equidistant:
+            far = float(np.hypot(*points.T).max())
+            if far > WIDEST:
+                raise DriverError(
+                    f"an equidistant lens of {self.focal_px:.1f} px shows {np.degrees(far):.0f} degrees off the axis "
+                    f"in the corners of {self.width} x {self.height}, {np.degrees(WIDEST):.0f} at most: choose a "
+                    "smaller field of view"
+                )
+            rough = cv2.fisheye.undistortPoints(
+                start, self.matrix, np.asarray(self.distortion, np.float64), criteria=FIXED_POINT
+            )
+        else:
+            rough = cv2.undistortPoints(start, self.matrix, self.distortion, None, None, None, FIXED_POINT)
         points = np.asarray(rough, dtype=np.float64).reshape(-1, 2)
         epsilon = 1e-6
         left = np.arange(len(points))

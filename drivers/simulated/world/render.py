@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from drivers.errors import DriverError
 from drivers.simulated.world.lens import Lens
-from drivers.simulated.world.shading import SKY, Shader, inverse_depth, joined
+from drivers.simulated.world.shading import SKY, Shader, Table, inverse_depth, joined
 from drivers.simulated.world.world import World
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ class Renderer:
         self._x, self._y = lens.rays()
         self._sx, self._sy = lens.rays(self.samples) if self.samples > 1 else (self._x, self._y)
         # Without distortion a column of rays has one x and a row one y: products of vectors, not of pictures.
-        self._straight = not np.any(lens.distortion) and lens.matrix[0, 1] == 0
+        self._straight = lens.straight and lens.matrix[0, 1] == 0
         every = slice((self.samples - 1) // 2, None, self.samples)
         self._middle = (every, every)
         # Bounds of the rays of a column and up to it (of a row ...), rising, to look facets' bounds up in.
@@ -65,7 +65,6 @@ class Renderer:
                 [self._sx.max(), self._sy.max(), 1],
             ]
         ).T
-        self._pixel = 1.0 / lens.focal_px
 
     def image(self, position: Array, ned_from_camera: Array) -> Image:
         """(height, width) float32, 0 to 255, without noise."""
@@ -73,9 +72,7 @@ class Renderer:
         table = self._shader.table(position, ned_from_camera, slice(None))
         s, h, w = self.samples, self.lens.height, self.lens.width
         if self.fine:
-            shaded = self._shader.shade(
-                table, ids.ravel(), self._sx.ravel(), self._sy.ravel(), self._pixel / s
-            )
+            shaded = self._shade(table, ids.ravel(), self._sx.ravel(), self._sy.ravel(), 1 / s)
             return shaded.reshape(h, s, w, s).mean(axis=(1, 3), dtype=np.float32)
         blocks = ids.reshape(h, s, w, s)
         first = blocks[:, 0, :, 0]
@@ -84,14 +81,14 @@ class Renderer:
             for j in range(s):
                 if i or j:
                     same &= blocks[:, i, :, j] == first
-        picture = self._shader.shade(table, first.ravel(), self._x.ravel(), self._y.ravel(), self._pixel)
+        picture = self._shade(table, first.ravel(), self._x.ravel(), self._y.ravel())
         picture = picture.reshape(h, w)
         if not same.all():
             edge = np.ascontiguousarray(~same)
             ids, x, y = (
                 t.reshape(h, s, w, s).swapaxes(1, 2)[edge].ravel() for t in (ids, self._sx, self._sy)
             )
-            values = self._shader.shade(table, ids, x, y, self._pixel)
+            values = self._shade(table, ids, x, y)
             picture[edge] = values.reshape(-1, s * s).mean(axis=1)
         return picture
 
@@ -154,9 +151,17 @@ class Renderer:
             column = np.searchsorted(used, ids) + len(used) * (np.arange(len(ids)) // s)[:, None]
             column = np.where(ids < 0, -1, column).astype(np.int32)
             x, y = self._sx[lines], self._sy[lines]
-            values = self._shader.shade(table, column.ravel(), x.ravel(), y.ravel(), self._pixel)
+            values = self._shade(table, column.ravel(), x.ravel(), y.ravel())
             picture[part] = values.reshape(len(part), s, w, s).mean(axis=(1, 3))
         return picture
+
+    def _shade(self, table: Table, ids: NDArray[np.int32], x: Image, y: Image, width: float = 1.0) -> Image:
+        """Grey values (m,) of samples ``width`` pixels wide."""
+        pixel: float | Image = width / self.lens.focal_px
+        if self.lens.equidistant:
+            # sqrt of the area that a pixel covers: 1 / cos^2 of the angle along the radius, less across
+            pixel = np.float32(pixel) * (1 + x * x + y * y) ** np.float32(0.75)
+        return self._shader.shade(table, ids, x, y, pixel)
 
     def _visible(
         self, position: Array, ned_from_camera: Array, lines: slice | None = None

@@ -101,10 +101,10 @@ class Shader:
         )
         return Table(rays.astype(np.float32), self._place[facets], self._gain[facets])
 
-    def shade(self, table: Table, ids: NDArray[np.int32], x: Image, y: Image, pixel: float) -> Image:
+    def shade(self, table: Table, ids: NDArray[np.int32], x: Image, y: Image, pixel: float | Image) -> Image:
         """Grey values (m,) of rays (x, y, 1) on known columns of the table, -1 for the sky.
 
-        ``pixel`` is the width of a sample in x.
+        ``pixel`` is the width of a sample in x, one for all or (m,).
         """
         only = int(ids[0]) if len(ids) and np.all(ids == ids[0]) else None
         if only == -1:
@@ -123,7 +123,7 @@ class Shader:
         u: Image = (c[3] * x + c[4] * y + c[5]) * z
         v: Image = (c[6] * x + c[7] * y + c[8]) * z
         # Derivatives of (u, v) by (x, y), times a sample's width: the footprint in repetitions of the texture.
-        step = z * np.float32(pixel)
+        step = z * np.asarray(pixel, np.float32)
         ux, uy = (c[3] - u * c[0]) * step, (c[4] - u * c[1]) * step
         vx, vy = (c[6] - v * c[0]) * step, (c[7] - v * c[1]) * step
         e, g, f = ux * ux + vx * vx, uy * uy + vy * vy, ux * uy + vx * vy

@@ -12,26 +12,53 @@ import time
 
 import pytest
 from bus_support import PATIENCE_S, Watcher, alive, free_endpoint
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from rich.console import Console
 
 from companion.commands.watch import SILENT_AFTER_S, View, line_of
+from companion.messages.conditions import Code, Condition, condition, state_of
+from companion.messages.messages import Health, encode, estimate_message
 from drivers.bus import Bus, Delivery, Endpoints
+from landing.estimate import SurfaceEstimate
 
 DECISION = {
+    "frame": 1,
+    "time_unix_us": 1,
     "verdict": "unfit",
     "reasons": ["too steep: 23.0 degrees, limit 10.0"],
+    "since_unix_us": 1,
+    "permitted": False,
     "withheld": [],
+    "requested": False,
     "command": "none",
 }
-ESTIMATE = {
-    "status": "ok",
+ESTIMATE = json.loads(encode(estimate_message(SurfaceEstimate(1, 0.0, "ok", "map"), 1, None, True))) | {
     "inclination_deg": 23.04,
     "inclination_std_deg": 0.31,
     "roughness": 0.0123,
-    "time_to_contact_s": None,
     "ventral_flow_x": 0.1,
     "ventral_flow_y": -0.2,
 }
+EVENT = {"event": "x", "frame": None, "time_unix_us": 1, "severity": "warning", "text": "attitude late"}
+
+
+def health(*conditions: Condition) -> dict:
+    """Health with these conditions, as a vehicle publishes it."""
+    message = Health(
+        time_unix_us=1,
+        state=state_of(conditions),
+        problems=tuple(c.text for c in conditions),
+        inputs={},
+        counters={},
+        clock_offset_s=None,
+        clock_std_s=None,
+        camera_late_s=None,
+        camera_late_std_s=None,
+        pipeline_ms=None,
+        conditions=conditions,
+    )
+    return json.loads(encode(message))
 
 
 def shown(view: View, now_s: float) -> str:
@@ -51,8 +78,8 @@ def test_the_view_shows_what_was_said_and_says_when_the_vehicle_falls_silent():
     view.take(Delivery("kestrel", "alive", alive=True), 0.0)
     view.take(delivery("decision", DECISION), 0.0)
     view.take(delivery("estimate", ESTIMATE), 0.1)
-    view.take(delivery("event", {"event": "x", "text": "attitude late", "severity": "warning"}), 0.2)
-    view.take(delivery("health", {"state": "degraded", "problems": ["gyro: none came"]}), 0.2)
+    view.take(delivery("event", EVENT), 0.2)
+    view.take(delivery("health", health(condition(Code.INPUT_MISSING, "gyro"))), 0.2)
     text = shown(view, 0.3)
     for words in ("kestrel", "alive", "NOT FIT", "too steep: 23.0", "23.0 ± 0.3 degrees", "attitude late"):
         assert words in text
@@ -62,7 +89,7 @@ def test_the_view_shows_what_was_said_and_says_when_the_vehicle_falls_silent():
     view.take(Delivery("kestrel", "alive", alive=False), 1.0)
     assert "SILENT: left the bus" in shown(view, 1.1)
     view.take(Delivery("kestrel", "alive", alive=True), 2.0)
-    view.take(delivery("estimate", {"status": "motion_too_small"}), 2.0)
+    view.take(delivery("estimate", ESTIMATE | {"status": "motion_too_small"}), 2.0)
     assert "motion too small" in shown(view, 2.1)
     assert "SILENT" not in shown(view, 2.1)
 
@@ -75,6 +102,73 @@ def test_what_is_no_message_is_neither_shown_nor_fatal():
     assert "kestrel" in shown(view, 0.0)
 
 
+def test_a_forged_message_is_refused_counted_and_kills_nothing():
+    """Text where a number belongs, numbers that no type holds, lists for texts, endless nesting, no UTF-8."""
+    view = View()
+    view.take(delivery("estimate", ESTIMATE), 0.0)
+    forged = [
+        ("estimate", json.dumps(ESTIMATE | {"inclination_deg": "steep"}).encode()),
+        ("estimate", json.dumps(ESTIMATE | {"frame": 10**400}).encode()),
+        ("estimate", json.dumps(ESTIMATE | {"time_unix_us": -5}).encode()),
+        ("decision", json.dumps(DECISION | {"reasons": 7}).encode()),
+        ("health", json.dumps(health() | {"problems": {"a": 1}}).encode()),
+        ("event", json.dumps(EVENT | {"text": ["a", "b"]}).encode()),
+        ("event", b'{"details": ' + b"[" * 100_000),
+        ("event", b'{"text": "\xff"}'),
+        ("estimate", b" " * 3_000_000),
+    ]
+    for topic, payload in forged:
+        view.take(Delivery("kestrel", topic, payload), 0.1)
+        assert "refused" in json.loads(line_of(Delivery("kestrel", topic, payload))), payload[:60]
+    text = shown(view, 0.2)
+    assert "23.0 ± 0.3 degrees" in text
+    assert f"{len(forged)} messages that do not follow the schema" in text
+
+
+@settings(max_examples=200, deadline=None)
+@given(text=st.text(), name=st.text(min_size=1))
+def test_no_text_of_a_vehicle_reaches_the_terminal_as_a_control_sequence(text, name):
+    view = View()
+    view.take(Delivery(name, "event", json.dumps(EVENT | {"text": text}).encode()), 0.0)
+    view.take(Delivery(name, "decision", json.dumps(DECISION | {"withheld": [text]}).encode()), 0.0)
+    console = Console(width=200, force_terminal=False)
+    with console.capture() as capture:
+        console.print(view.table(0.0))
+    assert all(character.isprintable() or character == "\n" for character in capture.get())
+
+
+def test_escape_sequences_are_shown_as_what_they_are_not():
+    view = View()
+    view.take(delivery("event", EVENT | {"text": "\x1b[2J\x1b]0;owned\x07all well\u202e"}), 0.0)
+    text = shown(view, 0.0)
+    assert "\x1b" not in text
+    assert "\x07" not in text
+    assert "\u202e" not in text
+
+
+def test_the_key_names_the_vehicle_whatever_the_body_says():
+    forged = delivery("event", EVENT | {"vehicle": "another", "topic": "decision"})
+    line = json.loads(line_of(forged))
+    assert line["vehicle"] == "kestrel"
+    assert line["topic"] == "event"
+
+
+def test_a_condition_that_forbids_landing_is_shown_in_place_of_a_fit_verdict():
+    view = View()
+    view.take(delivery("decision", DECISION | {"verdict": "fit", "reasons": []}), 0.0)
+    assert "FIT FOR LANDING" in shown(view, 0.0)
+    view.take(delivery("health", health(condition(Code.TWO_VEHICLES))), 0.0)
+    text = shown(view, 0.0)
+    assert "FIT FOR LANDING" not in text
+    assert "NO LANDING" in text
+    assert "two vehicles on the link" in text
+    view.take(delivery("health", health(condition(Code.RECORDING_STOPPED, detail="disk full"))), 0.0)
+    text = shown(view, 0.0)
+    assert "FIT FOR LANDING" in text
+    assert "not recording: disk full" in text
+    assert "all inputs well" not in text
+
+
 def test_a_pipe_gets_lines_of_json_and_comings_and_goings():
     endpoint = free_endpoint()
     with Watcher("--listen", endpoint) as watcher:
@@ -82,10 +176,8 @@ def test_a_pipe_gets_lines_of_json_and_comings_and_goings():
             watcher.until(alive(True))
             while not bus.subscribed("event"):
                 time.sleep(0.01)
-            bus.put("event", b'{"event": "x", "frame": 3}')
-            watcher.until(
-                lambda seen: {"vehicle": "kestrel", "topic": "event", "event": "x", "frame": 3} in seen
-            )
+            bus.put("event", json.dumps(EVENT).encode())
+            watcher.until(lambda seen: {"vehicle": "kestrel", "topic": "event", **EVENT} in seen)
         watcher.until(alive(False))
 
 
@@ -99,9 +191,9 @@ def test_one_vehicle_can_be_chosen():
         watcher.until(alive(True))
         while not two.subscribed("event"):
             time.sleep(0.01)
-        one.put("event", b'{"n": 1}')
-        two.put("event", b'{"n": 2}')
-        watcher.until(lambda seen: any(m.get("n") == 2 for m in seen))
+        one.put("event", json.dumps(EVENT | {"frame": 1}).encode())
+        two.put("event", json.dumps(EVENT | {"frame": 2}).encode())
+        watcher.until(lambda seen: any(m.get("frame") == 2 for m in seen))
         assert {m["vehicle"] for m in watcher.seen} == {"two"}
 
 

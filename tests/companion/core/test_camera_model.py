@@ -8,6 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from companion.core.camera_model import camera_model, implausible, model_of
+from companion.errors import LandslopeError
+from companion.settings.settings import CameraSettings
+from drivers.files.camera_info import CameraInfo, write_camera_info
 from landing.errors import LandingError
 from landing.vision.camera import DOWN, CameraModel, body_from_camera
 
@@ -103,3 +107,55 @@ def test_what_is_no_camera_is_refused(change: dict, words: str):
     given_ = {"width": 320, "height": 240, "matrix": MATRIX, "distortion": np.zeros(5)} | change
     with pytest.raises(LandingError, match=words):
         CameraModel(**given_)
+
+
+def pinhole(f: float, cx: float = 159.5, cy: float = 119.5, fy: float | None = None) -> np.ndarray:
+    return np.array(((f, 0, cx), (0, fy or f, cy), (0, 0, 1)))
+
+
+@pytest.mark.parametrize(
+    ("matrix", "distortion", "words"),
+    [
+        (pinhole(1.0), None, "90 degrees off the axis"),
+        (pinhole(3.04), None, "off the axis"),
+        (pinhole(21.0), None, "84 degrees off the axis"),
+        (pinhole(20_000.0), None, "0.92 degrees"),
+        (pinhole(256, cx=-3), None, "principal point -3, 119.5 lies outside of a picture of 320 x 240"),
+        (pinhole(256, cy=240), None, "lies outside"),
+        (pinhole(256, fy=512), None, "differ by more than 1.5 times"),
+        (pinhole(256), np.array((-0.9, 0, 0, 0, 0)), "has no inverse"),
+    ],
+)
+def test_values_that_no_camera_has_are_named(matrix: np.ndarray, distortion: np.ndarray | None, words: str):
+    assert words in implausible(CameraModel(320, 240, matrix, distortion))
+
+
+def test_cameras_are_plausible(camera: CameraModel):
+    assert implausible(camera) == ""
+    assert implausible(CameraModel.from_focal(320, 240, 90)) == ""
+    assert implausible(CameraModel(320, 240, MATRIX, np.zeros(4), equidistant=True)) == ""
+
+
+def test_an_equidistant_lens_that_looks_beyond_the_limit_is_named():
+    assert "80 at most" in implausible(CameraModel(320, 240, pinhole(120), np.zeros(4), equidistant=True))
+
+
+def test_a_calibration_that_no_camera_has_is_refused_by_its_file(tmp_path):
+    path = tmp_path / "camera.yaml"
+    write_camera_info(path, CameraInfo(320, 240, tuple(pinhole(21.0).ravel().tolist()), (0.0,) * 5))
+    with pytest.raises(LandslopeError, match=r"camera\.yaml.*no camera has that"):
+        camera_model(CameraSettings(calibration=str(path)), 320, 240)
+    with pytest.raises(LandslopeError, match="no camera has that"):
+        camera_model(CameraSettings(), 320, 240, focal_px=1.0)
+
+
+def test_an_equidistant_calibration_makes_an_equidistant_camera(tmp_path):
+    path = tmp_path / "camera.yaml"
+    info = CameraInfo(320, 240, tuple(pinhole(152.0).ravel().tolist()), (0.01, 0.0, 0.0, 0.0), "equidistant")
+    write_camera_info(path, info)
+    model, calibrated = camera_model(CameraSettings(calibration=str(path)), 320, 240)
+    assert calibrated
+    assert model.equidistant
+    assert model_of(info, path).undistort(np.array(((300.0, 20.0),))) == pytest.approx(
+        model.undistort(np.array(((300.0, 20.0),)))
+    )

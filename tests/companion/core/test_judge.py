@@ -109,7 +109,7 @@ def test_a_steep_surface_is_never_requested():
         ({"armed": False}, "not armed"),
         ({"mode": "RTL"}, "mode not allowed"),
         ({"landed": "on_ground"}, "not in the air"),
-        ({"landed": "landing"}, "not in the air"),
+        ({"landed": "landing"}, "landing already"),
         ({"landed": "undefined"}, "not known whether in the air"),
         ({"silent": {"heartbeat"}}, "heartbeat"),
         ({"silent": {"landed_state"}}, "landed_state"),
@@ -186,7 +186,7 @@ def test_the_command_is_followed_to_the_ground():
 def test_after_a_reboot_nothing_is_known_of_the_vehicle():
     scene = Scene()
     scene.run(0.2)
-    scene.judge.forget_autopilot()
+    scene.judge.forget_autopilot(scene.now_us)
     scene.silent = {"heartbeat", "landed_state"}
     out = scene.run(1)
     assert requests(out) == []

@@ -7,6 +7,7 @@ import pytest
 
 from companion.core.landing_watch import LandingWatch
 from companion.live.reporting import GroundReport
+from companion.messages.conditions import Code, Condition, condition, state_of
 from companion.messages.messages import Decision, Estimate, Event, Health, estimate_message
 from companion.settings.settings import LandingSettings, MavlinkSettings
 from drivers.samples import Imu
@@ -34,11 +35,11 @@ def decision(verdict: str, *reasons: str, command: str = "none") -> Decision:
     )
 
 
-def health(state: str, *problems: str) -> Health:
+def health(*conditions: Condition) -> Health:
     return Health(
         time_unix_us=0,
-        state=state,
-        problems=problems,
+        state=state_of(conditions),
+        problems=tuple(c.text for c in conditions),
         inputs={},
         counters={},
         clock_offset_s=None,
@@ -46,6 +47,7 @@ def health(state: str, *problems: str) -> Health:
         camera_late_s=None,
         camera_late_std_s=None,
         pipeline_ms=None,
+        conditions=conditions,
     )
 
 
@@ -78,17 +80,24 @@ def test_verdict_is_told_when_it_changes_and_only_then() -> None:
     assert all(len(text) <= 50 for text in told)
 
 
-def test_health_is_told_by_its_new_problems() -> None:
-    lost, gone = "frames: none for 2.0 s", "attitude: none came"
+def test_conditions_are_told_when_they_begin_and_when_they_end() -> None:
+    lost = condition(Code.VITAL_INPUT_STALE, "frames", "2.0 s")
+    gone = condition(Code.VITAL_INPUT_MISSING, "attitude")
     told = said(
         report(),
-        health("ok"),
-        health("failed", lost),
-        health("failed", lost),
-        health("failed", lost, gone),
-        health("ok"),
+        health(),
+        health(lost),
+        health(condition(Code.VITAL_INPUT_STALE, "frames", "3.0 s")),
+        health(lost, gone),
+        health(gone),
+        health(),
     )
-    assert told == [f"landslope: {lost}", f"landslope: {gone}", "landslope: all well"]
+    assert told == [
+        "landslope: frames: none for 2.0 s",
+        "landslope: attitude: none came",
+        "landslope: over: frames: none for 2.0 s",
+        "landslope: all well",
+    ]
 
 
 def test_command_is_told_once() -> None:

@@ -44,7 +44,7 @@ def lines(path: Path) -> list[dict]:
 
 
 def test_files_of_one_flight(flight: Path, tmp_path: Path, capsys):
-    out, events, plot, video = (tmp_path / n for n in ("e.jsonl", "v.jsonl", "p.png", "o.mp4"))
+    out, events, plot, video = (tmp_path / n for n in ("e.jsonl", "v.jsonl", "p.png", "o.webm"))
     arguments = ["--out", out, "--events", events, "--plot", plot, "--video", video, "--enable-after", "1"]
     arguments += ["--set", "decision.dwell_s=0.5"]  # the flight is short
     assert cli.main(["replay", str(flight), *FAST, *map(str, arguments)]) == 0
@@ -67,7 +67,7 @@ def test_files_of_one_flight(flight: Path, tmp_path: Path, capsys):
 
 
 def test_the_picture_shows_the_verdict_and_the_tracks(flight: Path, tmp_path: Path):
-    video = tmp_path / "o.mp4"
+    video = tmp_path / "o.webm"
     assert cli.main(["replay", str(flight), "--video", str(video)]) == 0
     capture = cv2.VideoCapture(str(video))
     seen = [capture.read()[1] for _ in range(FRAMES)]

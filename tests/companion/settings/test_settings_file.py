@@ -17,6 +17,7 @@ from companion import cli
 from companion.errors import SettingsError
 from companion.settings.settings import Settings
 from companion.settings.settings_file import Entry, entries, load, value_of, written
+from drivers.files.camera_info import CameraInfo, write_camera_info
 
 ENTRIES = list(entries())
 BOUNDED = [entry for entry in ENTRIES if entry.limits]
@@ -171,3 +172,22 @@ def test_check_ends_with_2_and_one_line_a_fault(tmp_path: Path, capsys):
     file.write_text('[camera]\ncalibration = "absent.yaml"\n')
     assert cli.main(["check", str(file)]) == 2
     assert "there is no such file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("focal_px", "more", "words"),
+    [
+        (21.0, (), "camera.calibration: .*84 degrees off the axis"),
+        (256.0, ("--set", "camera.width=640"), "640 x 240, and .* is for 320 x 240"),
+    ],
+)
+def test_check_refuses_a_calibration_that_does_not_fit(
+    tmp_path: Path, capsys, focal_px: float, more: tuple[str, ...], words: str
+):
+    path = tmp_path / "camera.yaml"
+    matrix = (focal_px, 0.0, 159.5, 0.0, focal_px, 119.5, 0.0, 0.0, 1.0)
+    write_camera_info(path, CameraInfo(320, 240, matrix, (0.0,) * 5))
+    assert cli.main(["check", "--set", f"camera.calibration={path}", *more]) == 2
+    said = capsys.readouterr().err
+    assert re.search(words, said)
+    assert said.count("\n") == 1

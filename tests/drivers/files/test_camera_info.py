@@ -47,7 +47,11 @@ def test_what_was_written_is_read_again(tmp_path, coefficients):
         ("camera_matrix", {"data": [float("nan"), 0, 1, 0, 1, 1, 0, 0, 1]}, "finite"),
         ("distortion_coefficients", {"data": ["a"]}, "distortion_coefficients"),
         ("distortion_coefficients", {"data": [0, 0, 0]}, "3 distortion coefficients"),
-        ("distortion_model", "equidistant", "equidistant"),
+        ("distortion_coefficients", {"data": [0, 0, "1e5x", 0]}, "finite"),
+        ("distortion_coefficients", None, "distortion_coefficients is missing"),
+        ("distortion_model", "equidistant", "5 distortion coefficients; equidistant has 4"),
+        ("distortion_model", "double_sphere", "double_sphere"),
+        ("distortion_model", 7, "'7' is not known"),
     ],
 )
 def test_wrong_fields_are_named(tmp_path, field, value, words):

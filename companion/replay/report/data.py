@@ -1,0 +1,87 @@
+"""The numbers of a report, as the page's script takes them."""
+
+import math
+from typing import Any
+
+from companion.replay.history import History
+from companion.replay.report.ground import drawable
+from companion.replay.report.recorder import ReportRecorder
+from landing.options import DecisionOptions
+
+PLOTS = (
+    ("inclination", "Inclination to gravity, degrees", ("inclination_deg",), "inclination_std_deg"),
+    ("slopes", "Slope in the camera frame, degrees", ("slope_x_deg", "slope_y_deg"), None),
+    ("height", "Distance to the surface, m", ("height_m",), "height_std_m"),
+    ("contact", "Time to contact up to 60 s", ("time_to_contact_s",), None),
+    ("flow", "Ventral flow, 1/s", ("ventral_flow_x", "ventral_flow_y"), None),
+    ("roughness", "Roughness, relief over distance", ("roughness",), "roughness_std"),
+)
+"""(name, title, fields, field of the standard deviation)."""
+LABELS = {
+    "slope_x_deg": "to the right of the image",
+    "slope_y_deg": "down the image",
+    "ventral_flow_x": "to the right of the image",
+    "ventral_flow_y": "down the image",
+}
+LONGEST_CONTACT_S = 60.0
+MOST_MAPS = 60
+"""Ground maps in one page, spread evenly over the flight."""
+
+
+def report_data(history: History, limits: DecisionOptions, recorder: ReportRecorder) -> dict[str, Any]:
+    """Times in seconds since the first frame; unknown numbers are None."""
+    wanted = {"inclination": limits.max_inclination_deg, "roughness": limits.max_roughness}
+    return {
+        "duration": round(history.duration_s, 3),
+        "fps": recorder.fps,
+        "times": [round(time, 3) for time in history.times],
+        "plots": [
+            {
+                "name": name,
+                "title": title,
+                "limit": wanted.get(name),
+                "lines": [
+                    {"label": LABELS.get(field, ""), "values": _values(history, field)} for field in fields
+                ],
+                "std": None if std is None else _values(history, std),
+            }
+            for name, title, fields, std in PLOTS
+        ],
+        "spans": verdict_spans(history),
+        "requests": [round(at, 3) for at, event in history.events if event.event == "landing_requested"],
+        "path": [[round(value, 3) for value in point] for point in recorder.path],
+        "modes": [[round(at, 3), mode, armed] for at, mode, armed in recorder.modes],
+        "maps": _maps(recorder),
+    }
+
+
+def verdict_spans(history: History) -> list[dict[str, Any]]:
+    """Stretches of one verdict with the reasons that were given first."""
+    spans: list[dict[str, Any]] = []
+    for at, decision in history.decisions:
+        if spans and spans[-1]["verdict"] == decision.verdict:
+            spans[-1]["reasons"] = spans[-1]["reasons"] or list(decision.reasons)
+            continue
+        if spans:
+            spans[-1]["end"] = round(at, 3)
+        spans.append({"start": round(at, 3), "verdict": decision.verdict, "reasons": list(decision.reasons)})
+    if spans:
+        spans[-1]["end"] = round(max(history.duration_s, spans[-1]["start"]), 3)
+    return spans
+
+
+def _values(history: History, field: str) -> list[float | None]:
+    values = history.series(field).tolist()
+    if field == "time_to_contact_s":
+        values = [v if 0 <= v <= LONGEST_CONTACT_S else math.nan for v in values]
+    return [round(v, 5) if math.isfinite(v) else None for v in values]
+
+
+def _maps(recorder: ReportRecorder) -> list[dict[str, Any]]:
+    found = [
+        {"time": round(at, 3), **shown}
+        for at, message in recorder.grounds
+        if (shown := drawable(message)) is not None
+    ]
+    step = max(1, math.ceil(len(found) / MOST_MAPS))
+    return found[::-1][::step][::-1]

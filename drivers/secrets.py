@@ -1,0 +1,20 @@
+"""Secrets inside of texts: what stands in a URL for one reader must not stand in a log for all."""
+
+import re
+
+MASK = "***"
+
+_USERINFO = re.compile(r"(?i)\b([a-z][a-z0-9+.-]*://)[^\s\"'<>]*@")
+"""Name and password in front of a host. Up to the last @: a password may hold one that nobody encoded."""
+
+_PARAMETER = re.compile(
+    r"(?i)([?&;][^=&;\s\"']*(?:pass|pwd|token|secret|key|auth)[^=&;\s\"']*=)[^&;\s\"'<>]+"
+)
+"""Values in a URL's query whose name says that they are secret."""
+
+
+def masked(text: str) -> str:
+    """The text with the secrets of its URLs replaced by ``***``."""
+    if "://" not in text:
+        return text
+    return _PARAMETER.sub(rf"\g<1>{MASK}", _USERINFO.sub(rf"\g<1>{MASK}@", text))

@@ -1,0 +1,217 @@
+"""What is wrong stays in the state until it is gone, and no landing is offered beside what forbids one."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from monitor_support import decision
+
+from companion.core.health import Clocks, HealthMonitor
+from companion.core.judge import Judge, LandRequest
+from companion.live.live_pipeline import LivePipeline
+from companion.messages.conditions import (
+    KINDS,
+    Code,
+    Condition,
+    condition,
+    gravest_first,
+    state_of,
+)
+from companion.messages.messages import Decision, Event, Health
+from companion.monitor import words
+from companion.settings.settings import (
+    CameraSettings,
+    LandingSettings,
+    MavlinkSettings,
+    RecordSettings,
+    Settings,
+)
+from drivers.samples import Attitude, Frame, Heartbeat, Imu, LandedState, RcChannels, Refusal, Velocity
+from landing.estimate import SurfaceEstimate
+
+S = 1_000_000
+FLAT = SurfaceEstimate(
+    0,
+    0.0,
+    "ok",
+    "map",
+    inclination_deg=1.0,
+    inclination_std_deg=0.1,
+    roughness=0.001,
+    roughness_std=0.0001,
+    coverage=1.0,
+    flat=True,
+)
+
+
+def judged(*, calibrated: bool = True, standing: tuple[Condition, ...] = ()) -> tuple[list, HealthMonitor]:
+    """Three seconds over flat ground with every input well and landing enabled."""
+    settings = Settings(landing=LandingSettings(enabled=True))
+    health = HealthMonitor(settings.health, True)
+    health.calibrated, health.standing = calibrated, standing
+    judge = Judge(settings, health)
+    out: list = []
+    for k in range(90):
+        us = S + k * S // 30
+        samples = (
+            Frame(k, us, us, np.zeros((2, 2), np.uint8)),
+            Attitude(us, us, 0.0, 0.0, 0.0),
+            Imu(us, us, np.zeros(3)),
+            Velocity(us, us, np.zeros(3), np.zeros(3)),
+            Heartbeat(us, True, "GUIDED", "ardupilot", 4, "quadrotor"),
+            LandedState(us, "in_air"),
+        )
+        for sample in samples:
+            health.count(sample, us)
+            if isinstance(sample, Heartbeat | LandedState):
+                out += judge.follow(sample, us, us)
+        out += judge.see(dataclasses.replace(FLAT, frame=k, time_s=us * 1e-6), us, us)
+    return out, health
+
+
+def last(out: list, kind: type):
+    return [o for o in out if isinstance(o, kind)][-1]
+
+
+def test_the_same_flight_without_any_condition_is_requested():
+    out, health = judged()
+    assert last(out, LandRequest)
+    assert health.conditions(4 * S, settled=True) == ()
+
+
+def test_an_uncalibrated_camera_is_never_fit_and_its_landing_is_withheld_for_that_reason():
+    out, health = judged(calibrated=False)
+    decisions = [o for o in out if isinstance(o, Decision)]
+    assert {d.verdict for d in decisions} == {"unknown"}
+    assert decisions[-1].reasons == ("the camera is not calibrated",)
+    assert decisions[-1].withheld[0] == "the camera is not calibrated"
+    assert "landing is not enabled" not in decisions[-1].withheld
+    assert not [o for o in out if isinstance(o, LandRequest)]
+    changes = [o for o in out if isinstance(o, Event) and o.event == "decision_changed"]
+    assert len(changes) <= 2, "said once, not at every frame"
+    message = health.message(4 * S, 4 * S, Clocks(0.0, 0.001))
+    assert [c.code for c in message.conditions] == ["uncalibrated"]
+    assert (message.state, message.problems) == ("degraded", ("the camera is not calibrated",))
+
+
+@pytest.mark.parametrize("code", list(Code))
+def test_every_condition_that_forbids_withholds_and_no_other_does(code: Code):
+    standing = (condition(code, "gyro", "2.0 s"),)
+    out, health = judged(standing=standing)
+    requested = any(isinstance(o, LandRequest) for o in out)
+    assert requested != KINDS[code].forbids_landing
+    if not requested:
+        assert last(out, Decision).withheld_codes == (code.value,)
+    assert health.message(4 * S, 4 * S, Clocks(0.0, 0.001)).state == state_of(standing) != "ok"
+
+
+def test_conditions_are_listed_once_and_the_gravest_first():
+    found = gravest_first(
+        [
+            condition(Code.CLOCK_WITHOUT_DATE),
+            condition(Code.TWO_VEHICLES),
+            condition(Code.INPUT_STALE, "gyro", "1.0 s"),
+            condition(Code.TWO_VEHICLES),
+            condition(Code.VITAL_INPUT_STALE, "frames", "1.0 s"),
+        ]
+    )
+    assert [c.code for c in found] == [
+        "vital_input_stale",
+        "two_vehicles",
+        "input_stale",
+        "clock_without_date",
+    ]
+    assert [c.code for c in found if c.forbids_landing] == ["two_vehicles"]
+    assert set(KINDS) == set(Code)
+
+
+def health_of(*conditions: Condition) -> Health:
+    return Health(
+        time_unix_us=1,
+        state=state_of(conditions),
+        problems=tuple(c.text for c in conditions),
+        inputs={},
+        counters={},
+        clock_offset_s=None,
+        clock_std_s=None,
+        camera_late_s=None,
+        camera_late_std_s=None,
+        pipeline_ms=None,
+        conditions=conditions,
+    )
+
+
+@pytest.mark.parametrize("code", list(Code))
+def test_the_page_is_green_only_where_nothing_forbids_a_landing(code: Code):
+    fit, health = decision(verdict="fit", reasons=()), health_of(condition(code, "gyro", "2.0 s"))
+    forbids = KINDS[code].forbids_landing
+    assert (words.look(fit, health) == "fit") is not forbids
+    assert (words.verdict(fit, health) == "FIT TO LAND") is not forbids
+    assert (health.conditions[0].text in words.against(fit, None, health)) is forbids
+    assert words.look(decision(), health) == "unfit"
+
+
+def live(settings: Settings, conditions=tuple) -> tuple[LivePipeline, list]:
+    out: list = []
+    return LivePipeline(settings, out.append, conditions), out
+
+
+def test_the_live_pipeline_reports_what_stands_outside_of_it_until_it_is_gone():
+    now: list[Condition] = [condition(Code.RECORDING_STOPPED, detail="disk full")]
+    settings = Settings(camera=CameraSettings(width=64, height=48), mavlink=MavlinkSettings(connection="x"))
+    pipeline, out = live(settings, lambda: tuple(now))
+    for k in range(40):
+        if k == 20:
+            now.clear()
+        pipeline.feed([Heartbeat(S + k * S // 10, True, "GUIDED", "ardupilot", 4)])
+        pipeline.tick(S + k * S // 10)
+    codes = [[c.code for c in h.conditions] for h in out if isinstance(h, Health)]
+    assert "recording_stopped" in codes[0]
+    assert "recording_stopped" not in codes[-1]
+    assert all("uncalibrated" in found for found in codes)
+
+
+def test_a_radio_that_falls_silent_is_a_condition_where_the_switch_is_on_it():
+    landing = LandingSettings(enable_rc_channel=7)
+    settings = Settings(
+        camera=CameraSettings(width=64, height=48), mavlink=MavlinkSettings(connection="x"), landing=landing
+    )
+    pipeline, out = live(settings)
+    for k in range(60):
+        us = S + k * S // 10
+        samples = [Heartbeat(us, True, "GUIDED", "ardupilot", 4, "quadrotor")]
+        pipeline.feed([*samples, *([RcChannels(us, (1500,) * 8)] if k < 30 else [])])
+        pipeline.tick(us)
+    lost = ["radio_lost" in [c.code for c in h.conditions] for h in out if isinstance(h, Health)]
+    assert not lost[0]
+    assert lost[-1]
+
+
+def test_a_second_vehicle_on_the_live_link_is_a_condition():
+    settings = Settings(camera=CameraSettings(width=64, height=48), mavlink=MavlinkSettings(connection="x"))
+    pipeline, out = live(settings)
+    for k in range(20):
+        us = S + k * S // 10
+        pipeline.feed([Heartbeat(us, True, "GUIDED", "ardupilot", 4, "quadrotor")])
+        if k == 2:
+            pipeline.feed([Refusal(us, "mavlink", "another_vehicle", "system 2")])
+        pipeline.tick(us)
+    health = last(out, Health)
+    assert "two_vehicles" in [c.code for c in health.conditions]
+    assert health.state == "failed"
+
+
+def test_the_recording_that_stopped_is_a_condition(tmp_path):
+    from companion.live.recording import FlightRecording
+
+    (tmp_path / "flights").write_text("a file where a folder belongs")
+    record = RecordSettings(directory=str(tmp_path / "flights"), when="always")
+    recording = FlightRecording(Settings(record=record))
+    assert recording.conditions() == ()
+    recording.step(0)
+    while not recording.step(0):
+        pass
+    (found,) = recording.conditions()
+    assert found.code == "recording_stopped"
+    assert found.text.startswith("not recording: ")
+    recording.close()
