@@ -15,6 +15,7 @@ from landing.ground.border import Border
 from landing.ground.brink import Brink
 from landing.ground.roughness import Relief, ReliefMap
 from landing.ground.unlike import Unlike
+from landing.motion.contradictions import Contradictions, rotation_chi2, velocity_chi2
 from landing.motion.views import Views
 from landing.observation import Observation
 from landing.options import EstimatorOptions, Options
@@ -64,6 +65,7 @@ class SurfacePipeline:
         self.time_offset = TimeOffsetFilter(
             e.time_offset_std_s, e.time_offset_drift, e.attitude_error_std_rad
         )
+        self.contradictions = Contradictions(self.time_offset.farthest_s)
         self._motion: tuple[Array, Array] | None = None
         self._stood_out = False
         self._last_s = -math.inf
@@ -86,10 +88,23 @@ class SurfacePipeline:
         self._last_s = observation.time_s
         plane = self.estimator.step(self.views)
         self.time_offset.step(self.views, plane)
+        self._compare(observation, plane)
         self._motion = None
         if plane.status == "ok" and math.isfinite(plane.divergence):
             self._motion = plane.omega, plane.normal
         return self._estimate(observation, plane)
+
+    def _compare(self, observation: Observation, plane: Plane) -> None:
+        """The pictures' motion against the gyro's and the autopilot's."""
+        found, rotation, chi2 = plane.rotation_error, (0.0, 0), math.nan
+        if found is not None and self.options.estimator.use_attitude:
+            rotation = rotation_chi2(found.mean, found.covariance, found.prior_std)
+        ned_from_camera = self.views.newest.ned_from_camera
+        if observation.velocity_ned is not None and ned_from_camera is not None and plane.status == "ok":
+            velocity = ned_from_camera.T @ observation.velocity_ned
+            chi2 = velocity_chi2(velocity, observation.velocity_std, plane.omega, plane.omega_std)
+        late = self.time_offset
+        self.contradictions.step(observation.time_s, rotation, chi2, late.late_s, late.std_s)
 
     def _prediction(self, observation: Observation) -> tuple[Array, Array] | None:
         """This frame's normalised points from the last's: homographies of the last plane and of what is far away."""
@@ -110,6 +125,8 @@ class SurfacePipeline:
         status = plane.status
         if status == "ok" and coverage < o.min_coverage:
             status = "too_little_texture"
+        if self.contradictions.failing:
+            status = self.contradictions.failing[0]
         roll = pitch = math.nan
         if observation.ned_from_body is not None:
             roll, pitch, _ = euler_from_matrix(observation.ned_from_body)

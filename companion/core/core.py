@@ -14,6 +14,7 @@ from companion.settings.settings import Settings
 from drivers.samples import Frame, Refusal, Sample
 from landing.estimate import SurfaceEstimate
 from landing.ground.landing_area import LandingArea
+from landing.motion.contradictions import AT_BOUND
 from landing.observation import Observation
 from landing.options import DecisionOptions, Options
 from landing.pipeline import SurfacePipeline
@@ -191,6 +192,7 @@ class Core:
         self._watch_attitude(ready, out)
         estimate = self._pipeline.step(observation)
         self._sync.allow_for(self._pipeline.time_offset.late_s, self._pipeline.time_offset.std_s)
+        self._watch_contradictions(ready, out)
         if self._watch_picture(observation, ready, out):
             estimate = SurfaceEstimate(frame.number, estimate.time_s, "camera_frozen", estimate.method)
         self._health.counters[f"estimates {estimate.status}"] += 1
@@ -214,6 +216,16 @@ class Core:
                 name, text = ("attitude_back", "") if known else ("attitude_lost", _words(reason))
                 out.append(event(name, ready.frame.number, ready.exposure_us, text))
 
+    def _watch_contradictions(self, ready: ReadyFrame, out: list[Output]) -> None:
+        """Tell which comparison of pictures and vehicle begins to fail, and when none does any more."""
+        failing = tuple(str(status) for status in self._pipeline.contradictions.failing)
+        before, self._health.contradictions = self._health.contradictions, failing
+        for name in failing:
+            if name not in before:
+                out.append(event(name, ready.frame.number, ready.exposure_us))
+        if before and not failing:
+            out.append(event("motion_agrees", ready.frame.number, ready.exposure_us))
+
     def _watch_picture(self, seen: Observation, ready: ReadyFrame, out: list[Output]) -> bool:
         """Whether the camera is frozen, as far as the attitude shows it; changes are told."""
         if seen.ned_from_body is None:
@@ -233,10 +245,12 @@ class Core:
         self._late_told_s = late_s
         set_s = self._sync.offset_us * 1e-6
         right_s = round(set_s + late_s, 3) + 0.0
-        text = (
-            f"frames are {abs(late_s) * 1e3:.0f} ms {'later' if late_s > 0 else 'earlier'} than camera.time_offset_s = "
-            f"{set_s:g} s says; it is allowed for, set it to {right_s:.3f}"
-        )
+        at_bound = abs(late_s) >= AT_BOUND * self._pipeline.time_offset.farthest_s
+        side, amount = "later" if late_s > 0 else "earlier", f"{abs(late_s) * 1e3:.0f} ms"
+        advice = f"it is allowed for, set it to {right_s:.3f}"
+        if at_bound:
+            amount, advice = f"at least {amount}", "more cannot be found in flight: measure it and set it"
+        text = f"frames are {amount} {side} than camera.time_offset_s = {set_s:g} s says; {advice}"
         details = {"late_s": round(late_s, 6), "std_s": round(std_s, 6)}
         out.append(event("camera_late", self._frame_number, self._sync.raw_us(), text, details))
 

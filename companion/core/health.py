@@ -114,6 +114,8 @@ class HealthMonitor:
         self.counters: Counter[str] = Counter()
         self.vehicles_clash = False
         self.camera_frozen = False
+        self.contradictions: tuple[str, ...] = ()
+        """Comparisons of the pictures' motion with the vehicle's that fail: statuses of an estimate."""
         self.calibrated = True
         self.radio_lost = False
         self.standing: tuple[Condition, ...] = ()
@@ -173,6 +175,8 @@ class HealthMonitor:
         yield from self.standing
         if self.camera_frozen:
             yield condition(Code.CAMERA_FROZEN)
+        for name in self.contradictions:
+            yield condition(Code(name))
         if self.vehicles_clash:
             yield condition(Code.TWO_VEHICLES)
         if not self.calibrated:

@@ -20,6 +20,22 @@ EVENTS = {
     "camera_late": ("warning", "frames are not as late as camera.time_offset_s says; it is allowed for"),
     "camera_frozen": ("error", "the picture stands still while the vehicle turns"),
     "camera_moves": ("info", "the picture moves again"),
+    "rotation_contradicts": (
+        "error",
+        "the picture does not turn as the gyro does: check the camera's mount angles, a mirrored or rotated picture, "
+        "the focal length, and whether the picture is old or repeated; there is no estimate until they agree",
+    ),
+    "velocity_contradicts": (
+        "error",
+        "the ground does not move as the vehicle's velocity says: check the camera's mount angles, a mirrored picture, "
+        "whether the picture is old or repeated, and whether the ground moves; there is no estimate until they agree",
+    ),
+    "lateness_contradicts": (
+        "error",
+        "the pictures are later than can be found, or not as late as they were: check camera.time_offset_s and what "
+        "buffers the picture; there is no estimate until they agree",
+    ),
+    "motion_agrees": ("info", "pictures, gyro and velocity agree again"),
     "attitude_lost": ("warning", "frames have no attitude"),
     "attitude_back": ("info", "frames have an attitude again"),
     "second_vehicle": ("error", "a second vehicle speaks on the link"),

@@ -32,6 +32,8 @@ class TimeOffsetFilter:
         self.late_s, self.std_s = 0.0, std_s
         self._attitude_error2 = 2 * attitude_error_std_rad**2
         self._first_std_s, self._drift = std_s, drift
+        self.farthest_s = _FARTHEST * std_s
+        """Bound of the search: a lateness found there is at least so much."""
         self._last_s: float | None = None
 
     def loosen(self) -> None:
@@ -68,6 +70,5 @@ class TimeOffsetFilter:
         # baselines that overlap say the same again
         share = min(1.0, _ORDINARY / max(sigmas, 1e-9)) / plane.gap
         variance = 1.0 / (self.std_s**-2.0 + share * information)
-        farthest = _FARTHEST * self._first_std_s
-        self.late_s = min(max(self.late_s + variance * share * surprise, -farthest), farthest)
+        self.late_s = min(max(self.late_s + variance * share * surprise, -self.farthest_s), self.farthest_s)
         self.std_s = math.sqrt(variance)
