@@ -1,54 +1,16 @@
-"""The command line: one table of commands, each a module of its own that is imported only when it is called."""
+"""The command line: finds the command in the table, runs it, and turns errors into one line and an exit code."""
 
-import argparse
-import importlib
+import difflib
 import importlib.metadata
+import io
 import sys
 
 from companion.commands.closed_pipe import discard_output
+from companion.commands.table import COMMANDS, parser_for
 from companion.errors import LandslopeError
 from drivers.errors import DriverError
 from drivers.system.process_memory import keep_freed_memory
 from landing.errors import LandingError
-
-COMMANDS = {
-    "run": ("companion.commands.run", "the daemon: live camera and autopilot in, estimates and landings out"),
-    "replay": (
-        "companion.commands.replay",
-        "run recorded flights, videos or image folders through the pipeline",
-    ),
-    "check": (
-        "companion.commands.check",
-        "say what is wrong with a settings file, or print the settings in force",
-    ),
-    "monitor": ("companion.commands.monitor", "show vehicles live on a web page or in Foxglove"),
-    "export": ("companion.commands.export", "write a recorded flight for the robotics tools (MCAP)"),
-    "schema": ("companion.commands.schema", "print the JSON Schema of the messages"),
-    "fleet": ("companion.commands.fleet", "measure losses and delay of many vehicles under one zenoh router"),
-    "experiments": (
-        "companion.commands.experiments",
-        "run the experiments of the method's paper and write a report",
-    ),
-    "watch": ("companion.commands.watch", "show a vehicle's messages live in the terminal"),
-    "install": ("companion.commands.install", "install landslope as a systemd service, or take it off again"),
-    "sim": ("companion.commands.sim", "fly a simulated drone over simulated ground, closed loop"),
-    "calibrate": (
-        "companion.commands.calibrate",
-        "calibrate the camera, print a board, measure its time offset",
-    ),
-    "benchmark": ("companion.commands.benchmark", "measure what a frame costs on this machine"),
-    "doctor": ("companion.commands.doctor", "look at camera, link, clocks and disk before a flight"),
-}
-"""Name -> (module with add_arguments(parser) and run(args) -> exit code, one line of help)."""
-
-
-def parser_for(name: str) -> argparse.ArgumentParser:
-    """The argument parser of one command."""
-    module = importlib.import_module(COMMANDS[name][0])
-    parser = argparse.ArgumentParser(prog=f"landslope {name}", description=module.__doc__)
-    module.add_arguments(parser)
-    parser.set_defaults(run=module.run)
-    return parser
 
 
 def usage() -> str:
@@ -65,6 +27,10 @@ def usage() -> str:
 def main(argv: list[str] | None = None) -> int:
     """Run one command; errors end as one line on stderr and exit code 2."""
     words = sys.argv[1:] if argv is None else argv
+    unreadable = next((word for word in words if not _is_text(word)), None)
+    if unreadable is not None:
+        print(f"landslope: {unreadable!a}: this name is not UTF-8: rename it", file=sys.stderr)
+        return 2
     if not words or words[0] in ("-h", "--help", "help"):
         print(usage())
         return 0 if words else 2
@@ -72,7 +38,9 @@ def main(argv: list[str] | None = None) -> int:
         print(f"landslope {importlib.metadata.version('landslope')}")
         return 0
     if words[0] not in COMMANDS:
-        print(f"landslope: there is no command '{words[0]}'\n\n{usage()}", file=sys.stderr)
+        near = difflib.get_close_matches(words[0], COMMANDS, n=1)
+        hint = f"; did you mean '{near[0]}'?" if near else ""
+        print(f"landslope: there is no command '{words[0]}'{hint}\n\n{usage()}", file=sys.stderr)
         return 2
     args = parser_for(words[0]).parse_args(words[1:])
     try:
@@ -89,9 +57,18 @@ def main(argv: list[str] | None = None) -> int:
         return 141
 
 
+def _is_text(word: str) -> bool:
+    """Whether a word of the command line is valid text: OpenCV and zenoh end the process on a name that is not."""
+    return not any("\ud800" <= letter <= "\udfff" for letter in word)
+
+
 def script() -> None:
     """The installed command: ends with main's code, even when a library hangs in a thread of its own."""
     keep_freed_memory()
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(
+            errors="backslashreplace"
+        )  # names of files that are not in the locale's letters
     code = main()
     hanging = sys.modules.get("drivers.system.hanging")  # imported by the commands that need it alone
     if hanging is not None:

@@ -239,6 +239,39 @@ class EstimatorOptions:
 
 
 @dataclass(frozen=True, slots=True)
+class GroundOptions:
+    """The ground map: how it is measured, and what a disc of ground must be to be landed on."""
+
+    landing_radius_m: Annotated[
+        float, Limits(0.1, 2, "m", "radius of the disc of ground that the vehicle stands on")
+    ] = 0.5
+    max_step_m: Annotated[
+        float, Limits(0.01, 1, "m", "largest step within that disc that the vehicle can stand on")
+    ] = 0.05
+    max_inclination_deg: Annotated[float, Limits(1, 45, "deg", "steepest disc that is landed on")] = 10.0
+    sigmas: Annotated[
+        float, Limits(0, 6, "", "standard deviations added to what is measured before it is compared")
+    ] = 2.0
+    min_known: Annotated[float, Limits(0.5, 1, "", "smallest known share of a disc")] = 0.9
+    min_looks: Annotated[
+        float, Limits(0.1, 10, "", "independent looks, in baselines, from which a cell counts as known")
+    ] = 0.7
+    memory_s: Annotated[float, Limits(0.5, 60, "s", "how long a look counts")] = 6.0
+    max_scale_std: Annotated[
+        float, Limits(0.01, 1, "", "relative uncertainty of metres above which nothing is landable")
+    ] = 0.45
+    baseline: Annotated[
+        float, Limits(0.01, 0.3, "", "flow over a look's baseline, over the width of the picture")
+    ] = 0.06
+    look_step: Annotated[
+        float, Limits(0.05, 2, "", "motion from look to look, over that of a look's baseline")
+    ] = 0.5
+    max_std: Annotated[
+        float, Limits(0.001, 0.2, "", "uncertainty of a block's distance, over it, above which it is unknown")
+    ] = 0.03
+
+
+@dataclass(frozen=True, slots=True)
 class DecisionOptions:
     """When a surface counts as fit for landing."""
 
@@ -277,3 +310,4 @@ class Options:
     tracking: TrackingOptions = field(default_factory=TrackingOptions)
     estimator: EstimatorOptions = field(default_factory=EstimatorOptions)
     decision: DecisionOptions = field(default_factory=DecisionOptions)
+    ground: GroundOptions = field(default_factory=GroundOptions)

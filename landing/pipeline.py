@@ -13,6 +13,7 @@ from landing.errors import LandingError
 from landing.estimate import SurfaceEstimate, TrackView
 from landing.ground.border import Border
 from landing.ground.brink import Brink
+from landing.ground.ground import Ground
 from landing.ground.roughness import Relief, ReliefMap
 from landing.ground.unlike import Unlike
 from landing.motion.contradictions import Contradictions, rotation_chi2, velocity_chi2
@@ -28,8 +29,14 @@ from landing.plane.time_offset import TimeOffsetFilter
 from landing.rotations import euler_from_matrix
 from landing.vision.camera import CameraModel
 from landing.vision.homography import towards
+from landing.vision.rolling_shutter import Motion
 
 Array = NDArray[np.float64]
+
+_READOUT_STEP_S = 0.0005
+"""Change of what is known of the rows' readout at which the tracks are moved."""
+_SLOW = 0.2
+"""Velocity, m/s, below which its ratio to the ventral flow is not used."""
 
 
 class Estimator(Protocol):
@@ -38,6 +45,9 @@ class Estimator(Protocol):
     def step(self, views: Views) -> Plane:
         """The plane at the newest view."""
         ...
+
+    def read_out(self, change_s: float) -> None:
+        """The rows' readout is known to be longer by so much: all views' tracks have been moved."""
 
 
 ESTIMATORS: dict[str, Callable[[EstimatorOptions, float, int], Estimator]] = {
@@ -61,12 +71,17 @@ class SurfacePipeline:
         self.border = Border(options.estimator, camera)
         self.brink = Brink(options.estimator, camera)
         self.unlike = Unlike(options.estimator, camera)
+        self.ground = Ground(options.ground, camera)
         e = options.estimator
         self.time_offset = TimeOffsetFilter(
-            e.time_offset_std_s, e.time_offset_drift, e.attitude_error_std_rad
+            e.time_offset_std_s,
+            e.time_offset_drift,
+            e.attitude_error_std_rad,
+            self.views.rows.readout_s,
+            self.views.rows.std_s,
         )
         self.contradictions = Contradictions(self.time_offset.farthest_s)
-        self._motion: tuple[Array, Array] | None = None
+        self._motion: Motion | None = None
         self._stood_out = False
         self._last_s = -math.inf
 
@@ -83,16 +98,33 @@ class SurfacePipeline:
                 f"frame {observation.frame} is at {observation.time_s:.6f} s, not after {self._last_s:.6f} s"
             )
         prediction = self._prediction(observation)
-        self.views.step(observation, None if prediction is None else prediction[0])
+        self.views.step(
+            observation, None if prediction is None else prediction[0], self._expected(observation)
+        )
         self.relief.memory.move(*(prediction or (None, None)))
         self._last_s = observation.time_s
         plane = self.estimator.step(self.views)
         self.time_offset.step(self.views, plane)
         self._compare(observation, plane)
+        self._apply_readout()
         self._motion = None
         if plane.status == "ok" and math.isfinite(plane.divergence):
-            self._motion = plane.omega, plane.normal
-        return self._estimate(observation, plane)
+            self._motion = Motion(plane.omega, plane.normal)
+            self.views.rows.saw(self._motion)
+        estimate = self._estimate(observation, plane)
+        self.ground.step(self.views, plane, observation, estimate)
+        return estimate
+
+    def _apply_readout(self) -> None:
+        """Take what has been found of the rows' readout, where it is not set."""
+        rows, found = self.views.rows, self.time_offset
+        if rows.known:
+            return
+        rows.std_s = found.readout_std_s
+        change_s = found.readout_s - rows.readout_s
+        if abs(change_s) > _READOUT_STEP_S:
+            self.views.read_out(found.readout_s)
+            self.estimator.read_out(change_s)
 
     def _compare(self, observation: Observation, plane: Plane) -> None:
         """The pictures' motion against the gyro's and the autopilot's."""
@@ -114,10 +146,28 @@ class SurfacePipeline:
         if last.ned_from_camera is None:
             return None
         new_from_last = (observation.ned_from_body @ self.camera.body_from_camera).T @ last.ned_from_camera
-        omega, normal = self._motion
+        omega, normal = self._motion.omega, self._motion.normal
         way = omega * (observation.time_s - last.time_s)
         moved = towards(way.tolist(), normal.tolist())
         return new_from_last @ moved, new_from_last
+
+    def _expected(self, observation: Observation) -> Motion | None:
+        """The last motion over the plane in the axes of this exposure, with what the vehicle changed since."""
+        last = self._motion
+        if last is None or self.views.tracker.frame < 0:
+            return None
+        newest = self.views.newest
+        if observation.ned_from_body is None or newest.ned_from_camera is None:
+            return last
+        ned_from_camera = observation.ned_from_body @ self.camera.body_from_camera
+        last_from_new = newest.ned_from_camera.T @ ned_from_camera
+        omega, normal = last.omega @ last_from_new, last.normal @ last_from_new
+        if observation.velocity_ned is not None and newest.velocity_ned is not None:
+            before, now = newest.velocity_ned @ ned_from_camera, observation.velocity_ned @ ned_from_camera
+            square = float(before @ before)
+            per_metre = float(omega @ before) / square if square > _SLOW**2 else 0.0
+            omega = omega + max(per_metre, 0.0) * (now - before)
+        return Motion(omega, normal)
 
     def _estimate(self, observation: Observation, plane: Plane) -> SurfaceEstimate:
         o = self.options.estimator

@@ -187,6 +187,8 @@ def table(figures: list[Figures]) -> str:
         row("whole pipeline", [f"{f.whole_ms:.2f}" for f in figures]),
         row("whole pipeline, mean", [f"{f.whole_mean_ms:.2f}" for f in figures]),
         row("whole pipeline / OpenCV alone", [f"{f.ratio:.2f}" for f in figures]),
+        row("frames/s of this core, OpenCV", [f"{1e3 / f.opencv_ms:.0f}" for f in figures]),
+        row("frames/s of this core, pipeline", [f"{1e3 / f.whole_mean_ms:.0f}" for f in figures]),
         row("growth of memory, Python's, kB", [f"{f.traced_growth_kb:+.1f}" for f in figures]),
         row("growth of memory, resident, kB", [f"{f.resident_growth_kb:+.0f}" for f in figures]),
         row("frames", [str(f.frames) for f in figures]),

@@ -1,10 +1,7 @@
 """Calibration boards: drawn for the printer, and found in pictures."""
 
 import math
-import struct
-import zlib
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Literal
 
 import cv2
@@ -78,26 +75,10 @@ def draw_board(board: Board, dpi: float, margin_mm: float = 10.0) -> NDArray[np.
         dark = (np.add.outer(np.arange(board.rows), np.arange(board.columns)) % 2 == 0).astype(np.uint8)
         squares = np.kron(255 * (1 - dark), np.ones((side, side), np.uint8)).astype(np.uint8)
     margin, foot = round(margin_mm * px_per_mm), round(FOOT_MM * px_per_mm)
-    page = np.full((height + 2 * margin + foot, width + 2 * margin), 255, np.uint8)
+    page = np.full((height + margin + max(margin, foot), width + 2 * margin), 255, np.uint8)
     page[margin : margin + height, margin : margin + width] = squares
     _write_foot(page, board, (margin, margin + height + foot // 2), px_per_mm)
     return page
-
-
-def save_board(path: Path, page: NDArray[np.uint8], dpi: float) -> None:
-    """Write a PNG that says its resolution, so that printing at 100 % gives the size asked for."""
-    coded, png = cv2.imencode(".png", page)
-    if not coded:
-        raise LandslopeError(f"{path}: the board could not be coded as PNG")
-    per_metre = round(dpi / MM_PER_INCH * 1000)
-    chunk = b"pHYs" + struct.pack(">IIB", per_metre, per_metre, 1)
-    chunk = struct.pack(">I", 9) + chunk + struct.pack(">I", zlib.crc32(chunk))
-    data = png.tobytes()
-    header_end = 8 + 25  # signature and IHDR, behind which pHYs belongs
-    try:
-        path.write_bytes(data[:header_end] + chunk + data[header_end:])
-    except OSError as error:
-        raise LandslopeError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,17 +1,18 @@
 """A camera's intrinsics from views of a board: which views count, the solution, and whether it may be believed."""
 
-import math
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from companion.calibration.board import BoardFinder, View
+from companion.calibration.solve import Lens, Solution, solve
+from companion.core.camera_model import model_of
 from companion.errors import LandslopeError
-from drivers.files.camera_info import CameraInfo
+from drivers.files.camera_info import EQUIDISTANT, CameraInfo
 from landing.options import Limits
 
 Array = NDArray[np.float64]
@@ -48,8 +49,6 @@ class CalibrationOptions:
 
 COVERAGE_COLUMNS, COVERAGE_ROWS = 8, 6
 REFERENCE_WIDTH = 640
-K3_PLACE = 8
-"""Of k3 among the intrinsics' standard deviations: fx, fy, cx, cy, k1, k2, p1, p2, k3."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,23 +67,69 @@ class Calibration:
     left_out: int
 
 
-def collect_views(
-    pictures: Iterable[tuple[int, NDArray[np.uint8]]], finder: BoardFinder, options: CalibrationOptions
-) -> tuple[list[View], int, tuple[int, int]]:
-    """Views that differ from one another, how many pictures were looked at, and their size (width, height)."""
-    views: list[View] = []
-    count, size = 0, (0, 0)
-    for number, image in pictures:
-        here = (image.shape[1], image.shape[0])
-        if count and here != size:
-            raise LandslopeError(
-                f"picture {number} is {here[0]} x {here[1]}, those before are {size[0]} x {size[1]}: one size only"
-            )
-        size, count = here, count + 1
-        view = finder.find(number, image)
-        if view is not None and all(_differs(view, other, options.min_move * size[0]) for other in views):
+@dataclass(frozen=True, slots=True)
+class Collected:
+    """Views that differ from one another, of ``pictures`` of one ``size`` (width, height), and what was left out.
+
+    ``left_out`` has the name and the reason of every picture that gave no view.
+    """
+
+    views: list[View]
+    pictures: int
+    size: tuple[int, int]
+    left_out: list[tuple[str, str]]
+
+
+class ViewCollector:
+    """Takes pictures one at a time; most of them decide which size is calibrated."""
+
+    def __init__(self, finder: BoardFinder, options: CalibrationOptions) -> None:
+        self._finder, self._options = finder, options
+        self._views: dict[tuple[int, int], list[View]] = {}
+        self._pictures: list[tuple[str, tuple[int, int], str]] = []
+
+    def add(self, name: str, image: NDArray[np.uint8] | None) -> bool:
+        """Whether the picture, None where it cannot be decoded, gave a new view."""
+        if image is None:
+            self._pictures.append((name, (0, 0), "cannot be decoded"))
+            return False
+        size = (image.shape[1], image.shape[0])
+        views = self._views.setdefault(size, [])
+        view = self._finder.find(len(self._pictures), image)
+        if view is None:
+            reason = "no board found"
+        elif not all(_differs(view, other, self._options.min_move * size[0]) for other in views):
+            reason = "as another"
+        else:
             views.append(view)
-    return views, count, size
+            reason = ""
+        self._pictures.append((name, size, reason))
+        return not reason
+
+    @property
+    def collected(self) -> Collected:
+        """What came so far."""
+        sizes = Counter(size for _, size, _ in self._pictures if size != (0, 0))
+        if not sizes:
+            return Collected([], 0, (0, 0), [(name, reason) for name, _, reason in self._pictures])
+        size = sizes.most_common(1)[0][0]
+        left_out = []
+        for name, other, reason in self._pictures:
+            if other not in (size, (0, 0)):
+                left_out.append((name, f"{other[0]} x {other[1]}, not {size[0]} x {size[1]}"))
+            elif reason:
+                left_out.append((name, reason))
+        return Collected(list(self._views[size]), sizes[size], size, left_out)
+
+
+def collect_views(
+    pictures: Iterable[tuple[str, NDArray[np.uint8] | None]], finder: BoardFinder, options: CalibrationOptions
+) -> Collected:
+    """The views in pictures given with their names."""
+    collector = ViewCollector(finder, options)
+    for name, image in pictures:
+        collector.add(name, image)
+    return collector.collected
 
 
 def calibrate(
@@ -93,6 +138,7 @@ def calibrate(
     size: tuple[int, int],
     finder: BoardFinder,
     options: CalibrationOptions,
+    lens: Lens = "plumb_bob",
 ) -> Calibration:
     """Solve, leave outliers out, solve again; raises LandslopeError, with the remedy, for a set that is not fit."""
     board = finder.board.text
@@ -108,12 +154,12 @@ def calibrate(
             "film it longer, from more sides and distances"
         )
     used = _spread(views, options.max_views)
-    solution = _solve(used, size, options)
+    solution = solve(used, size, lens, options.sure_std)
     good = solution.view_rms <= options.outlier * np.median(solution.view_rms)
     left_out = int((~good).sum())
     if left_out and good.sum() >= options.min_views:
         used = [view for view, keep in zip(used, good, strict=True) if keep]
-        solution = _solve(used, size, options)
+        solution = solve(used, size, lens, options.sure_std)
     else:
         left_out = 0
     coverage = _coverage(used, size)
@@ -123,9 +169,23 @@ def calibrate(
         size[1],
         tuple(map(float, solution.matrix.ravel())),
         tuple(map(float, solution.distortion.ravel())),
+        lens,
     )
-    focal_std = _focal_std(solution)
-    return Calibration(info, solution.rms, focal_std, coverage, tuple(used), solution.residuals, left_out)
+    _check_possible(info)
+    return Calibration(
+        info, solution.rms, solution.focal_std, coverage, tuple(used), solution.residuals, left_out
+    )
+
+
+def _check_possible(info: CameraInfo) -> None:
+    """LandslopeError for a result that no camera has."""
+    try:
+        model_of(info, "the result")
+    except LandslopeError as error:
+        hint = "" if info.distortion_model == EQUIDISTANT else "; a wide lens needs --fisheye"
+        raise LandslopeError(
+            f"{error} with more views, into every corner and tilted to all sides{hint}"
+        ) from None
 
 
 def cells_seen(views: Iterable[View], size: tuple[int, int]) -> NDArray[np.intp]:
@@ -138,70 +198,21 @@ def cells_seen(views: Iterable[View], size: tuple[int, int]) -> NDArray[np.intp]
     return counts
 
 
-@dataclass(frozen=True, slots=True)
-class _Solution:
-    rms: float
-    matrix: Array
-    distortion: Array
-    std: Array
-    view_rms: Array
-    tilts_deg: Array
-    residuals: tuple[Array, ...]
-
-
-def _solve(views: Sequence[View], size: tuple[int, int], options: CalibrationOptions) -> _Solution:
-    """The solution with the fewest terms: k3 only where it stands out, since it runs wild beyond the last corners."""
-    full = _solve_with(views, size, 0)
-    k3, k3_std = full.distortion[4], full.std[K3_PLACE]
-    if abs(k3) > options.sure_std * k3_std:
-        return full
-    return _solve_with(views, size, cv2.CALIB_FIX_K3)
-
-
-def _solve_with(views: Sequence[View], size: tuple[int, int], flags: int) -> _Solution:
-    rms, matrix, distortion, turns, moves, std, _, view_rms = cv2.calibrateCameraExtended(
-        [view.board_mm for view in views],
-        [view.image_px for view in views],
-        size,
-        np.eye(3),
-        np.zeros(5),
-        flags=flags,
-    )
-    residuals = []
-    for view, turn, move in zip(views, turns, moves, strict=True):
-        there, _ = cv2.projectPoints(view.board_mm, turn, move, matrix, distortion)
-        residuals.append(view.image_px.astype(np.float64) - np.asarray(there, np.float64).reshape(-1, 2))
-    return _Solution(
-        float(rms),
-        np.asarray(matrix, np.float64),
-        np.asarray(distortion, np.float64).ravel()[:5],
-        np.asarray(std, np.float64).ravel(),
-        np.asarray(view_rms, np.float64).ravel(),
-        np.array([_tilt_deg(turn) for turn in turns]),
-        tuple(residuals),
-    )
-
-
-def _tilt_deg(turn: NDArray[Any]) -> float:
-    """Angle between the board's normal and the optical axis, of the board's rotation vector."""
-    return math.degrees(math.acos(min(1.0, abs(float(cv2.Rodrigues(turn)[0][2, 2])))))
-
-
 def _judge(
-    solution: _Solution, coverage: float, size: tuple[int, int], board: str, options: CalibrationOptions
+    solution: Solution, coverage: float, size: tuple[int, int], board: str, options: CalibrationOptions
 ) -> None:
     largest = options.max_error_px * max(1.0, size[0] / REFERENCE_WIDTH)
     if solution.rms > largest:
         raise LandslopeError(
             f"the reprojection error is {solution.rms:.2f} px, {largest:.2f} is the limit: is the board {board}, flat, "
-            "and the film sharp? Move slower, light it better"
+            "and the film sharp? Move slower, light it better; a wide lens needs --fisheye"
         )
     if coverage < options.min_coverage:
         raise LandslopeError(
             f"the board was seen in {coverage:.0%} of the picture, {options.min_coverage:.0%} is needed: bring it into "
             "every corner, near and far"
         )
-    uncertain = _focal_std(solution)
+    uncertain = solution.focal_std
     if not uncertain <= options.max_focal_std:
         raise LandslopeError(
             f"the focal length is uncertain by {uncertain:.1%}, {options.max_focal_std:.1%} is the limit: tilt the "
@@ -220,11 +231,6 @@ def _judge(
             f"the principal point lies {centre[0]:+.0f}, {centre[1]:+.0f} px from the middle, more than "
             f"{options.max_centre_shift:.0%} of the picture: take more views, tilted and near the edges"
         )
-
-
-def _focal_std(solution: _Solution) -> float:
-    """Largest relative standard deviation of the two focal lengths."""
-    return float(max(solution.std[0] / solution.matrix[0, 0], solution.std[1] / solution.matrix[1, 1]))
 
 
 def _coverage(views: Iterable[View], size: tuple[int, int]) -> float:

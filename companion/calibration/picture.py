@@ -5,6 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.calibration.calibration import COVERAGE_COLUMNS, COVERAGE_ROWS, Calibration, cells_seen
+from companion.core.camera_model import model_of
 
 WIDTH = 960
 MAGNIFY = 40
@@ -59,17 +60,15 @@ def picture_of(calibration: Calibration) -> NDArray[np.uint8]:
 def _lens_lines(page: NDArray[np.uint8], calibration: Calibration, scale: float) -> None:
     """Lines that are straight in the world, as the lens bends them."""
     info = calibration.info
-    matrix = np.array(info.matrix).reshape(3, 3)
-    distortion = np.array(info.distortion)
-    border = np.array([[[0, 0]], [[info.width - 1, info.height - 1]]], np.float64)
-    (left, top), (right, bottom) = cv2.undistortPoints(border, matrix, distortion).reshape(2, 2)
+    camera = model_of(info, "the result")
+    border = np.array([[0, 0], [info.width - 1, info.height - 1]], np.float64)
+    (left, top), (right, bottom) = camera.undistort(border)
     along = np.linspace(0, 1, 60)
     for share in np.linspace(0, 1, 9):
         for x, y in (
             (left + along * (right - left), np.full_like(along, top + share * (bottom - top))),
             (np.full_like(along, left + share * (right - left)), top + along * (bottom - top)),
         ):
-            rays = np.stack((x, y, np.ones_like(x)), axis=1)
-            line, _ = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), matrix, distortion)
-            points = np.rint(np.asarray(line).reshape(-1, 1, 2) * scale).astype(np.int32)
+            line = camera.project(np.stack((x, y), axis=1))
+            points = np.rint(line.reshape(-1, 1, 2) * scale).astype(np.int32)
             cv2.polylines(page, [points], False, BLUE, 1, cv2.LINE_AA)

@@ -9,23 +9,42 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.calibration.board import DICTIONARIES, Board, BoardFinder, draw_board, save_board
-from companion.calibration.calibration import CalibrationOptions, calibrate, collect_views
+from companion.calibration.board import DICTIONARIES, Board, BoardFinder
+from companion.calibration.calibration import Calibration, CalibrationOptions, calibrate, collect_views
+from companion.calibration.live import LiveCalibration, run_live
+from companion.calibration.paper import PAPERS, on_paper, save_board
 from companion.calibration.picture import picture_of
+from companion.calibration.solve import Lens
 from companion.calibration.time_offset import TimeOffsetOptions, measure_time_offset
 from companion.errors import LandslopeError
 from companion.replay.source import PlainCamera, open_source
+from companion.settings.settings_file import load
+from drivers.cameras import CameraFormat, ReaderLimits, open_camera
+from drivers.errors import DriverError
 from drivers.files.camera_info import write_camera_info
-from drivers.files.video_file import open_pictures
-from drivers.samples import Frame
+from drivers.files.video_file import named_images
+
+NAMES_SHOWN = 8
+"""Pictures that are left out for one reason are named up to so many."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The command's arguments."""
     board = Board()
     what = parser.add_mutually_exclusive_group(required=True)
-    what.add_argument("source", nargs="?", type=Path, help="a video or a folder of pictures of the board")
-    what.add_argument("--print-board", type=Path, metavar="PNG", help="write the board for the printer")
+    what.add_argument(
+        "source",
+        nargs="?",
+        help="a video, a folder of pictures, a recorded flight or a camera (/dev/video0, picamera, http://, rtsp://)",
+    )
+    what.add_argument(
+        "--live",
+        action="store_true",
+        help="read camera.source of --config, show what is missing, end when it is enough",
+    )
+    what.add_argument(
+        "--print-board", type=Path, metavar="FILE", help="write the board for the printer, as PNG or PDF"
+    )
     what.add_argument(
         "--time-offset",
         type=Path,
@@ -38,6 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--picture", type=Path, help="the picture of errors and coverage (default: beside --out)"
     )
+    parser.add_argument("--fisheye", action="store_true", help="a wide lens: equidistant, by cv2.fisheye")
     parser.add_argument("--chessboard", action="store_true", help="a plain chessboard instead of ChArUco")
     parser.add_argument(
         "--squares",
@@ -56,9 +76,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--dpi", type=float, default=300.0, help="the printer's resolution (default: %(default)g)"
     )
+    parser.add_argument(
+        "--paper",
+        choices=tuple(PAPERS),
+        default="a4",
+        help="what the board is printed on (default: %(default)s)",
+    )
     parser.add_argument("--every", type=int, default=1, metavar="N", help="look at every Nth picture")
     parser.add_argument(
-        "--config", type=Path, help="with --time-offset: settings in place of the flight's own"
+        "--config",
+        type=Path,
+        help="settings: the camera's, for --live and cameras; in place of the flight's own, for --time-offset",
     )
     parser.add_argument(
         "--set",
@@ -77,8 +105,10 @@ def run(args: argparse.Namespace) -> int:
         return _time_offset(args)
     board = _board(args)
     if args.print_board is not None:
-        save_board(args.print_board, draw_board(board, args.dpi), args.dpi)
-        print(f"{args.print_board}: {board.text}; print it at 100 % and measure the ruler")
+        save_board(args.print_board, on_paper(board, args.dpi, args.paper), args.dpi)
+        print(
+            f"{args.print_board}: {board.text}, on {args.paper.upper()}; print it at 100 % and measure the ruler"
+        )
         return 0
     return _calibrate(args, board)
 
@@ -94,27 +124,71 @@ def _board(args: argparse.Namespace) -> Board:
 
 def _calibrate(args: argparse.Namespace, board: Board) -> int:
     options, finder = CalibrationOptions(), BoardFinder(board)
-    views, count, size = collect_views(_pictures(args.source, max(1, args.every)), finder, options)
-    print(f"{count} pictures, {len(views)} different views of the board")
-    calibration = calibrate(views, count, size, finder, options)
+    lens: Lens = "equidistant" if args.fisheye else "plumb_bob"
+    if args.live or not Path(args.source).exists():
+        calibration = _from_camera(args, LiveCalibration(finder, options, lens))
+    else:
+        found = collect_views(_pictures(Path(args.source), max(1, args.every)), finder, options)
+        print(
+            f"{found.pictures} pictures of {found.size[0]} x {found.size[1]}, {len(found.views)} different views of "
+            "the board"
+        )
+        _say_left_out(found.left_out)
+        calibration = calibrate(found.views, found.pictures, found.size, finder, options, lens)
+    return _written(args, calibration)
+
+
+def _from_camera(args: argparse.Namespace, live: LiveCalibration) -> Calibration:
+    """Read the camera that is named, or the one of the settings, until the views are enough."""
+    c = load(args.config, tuple(args.overrides)).settings.camera
+    wanted = CameraFormat(c.width, c.height, c.rate_hz, c.exposure_us, c.gain, c.pixel_format, c.transport)
+    limits = ReaderLimits(open_timeout_s=c.open_timeout_s, read_timeout_s=c.read_timeout_s)
+    source = c.source if args.live else args.source
+    try:
+        camera = open_camera(source, wanted, limits)
+    except DriverError as error:
+        raise LandslopeError(f"{error}; --set camera.source=SOURCE names it") from None
+    with camera:
+        return run_live(camera, live, lambda text: print(f"{text}\n", flush=True))
+
+
+def _say_left_out(left_out: list[tuple[str, str]]) -> None:
+    """How many pictures gave no view, for which reasons, and which ones."""
+    if not left_out:
+        return
+    reasons: dict[str, list[str]] = {}
+    for name, reason in left_out:
+        reasons.setdefault(reason, []).append(name)
+    print(f"{len(left_out)} pictures left out:")
+    for reason, names in reasons.items():
+        more = f" and {len(names) - NAMES_SHOWN} more" if len(names) > NAMES_SHOWN else ""
+        print(f"  {len(names)} {reason}: {', '.join(names[:NAMES_SHOWN])}{more}")
+
+
+def _written(args: argparse.Namespace, calibration: Calibration) -> int:
     write_camera_info(args.out, calibration.info)
     picture = args.picture or args.out.with_suffix(".png")
-    if not cv2.imwrite(str(picture), picture_of(calibration)):
-        raise LandslopeError(f"{picture}: the picture cannot be written; choose another path with --picture")
+    coded, data = cv2.imencode(".png", picture_of(calibration))
+    if not coded:
+        raise LandslopeError(f"{picture}: the picture cannot be coded as PNG")
+    try:
+        picture.write_bytes(data.tobytes())
+    except OSError as error:
+        raise LandslopeError(
+            f"{picture}: the picture cannot be written ({error.strerror}); choose another path with --picture"
+        ) from None
     m = calibration.info.matrix
     print(
         f"{len(calibration.views)} views used, {calibration.left_out} left out; reprojection error "
         f"{calibration.rms_px:.3f} px; coverage {calibration.coverage:.0%}\n"
         f"fx {m[0]:.2f} fy {m[4]:.2f} px (+- {calibration.focal_std:.2%}), cx {m[2]:.2f} cy {m[5]:.2f}\n"
-        f"{args.out}: the calibration; {picture}: what it rests on"
+        f"{args.out}: the calibration ({calibration.info.distortion_model}); {picture}: what it rests on"
     )
     return 0
 
 
-def _pictures(source: Path, every: int) -> Iterator[tuple[int, NDArray[np.uint8]]]:
-    for sample in open_pictures(source).frames():
-        if isinstance(sample, Frame) and sample.number % every == 0:
-            yield sample.number, sample.image
+def _pictures(source: Path, every: int) -> Iterator[tuple[str, NDArray[np.uint8] | None]]:
+    return (named for k, named in enumerate(named_images(source)) if k % every == 0)
 
 
 def _time_offset(args: argparse.Namespace) -> int:

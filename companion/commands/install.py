@@ -3,6 +3,7 @@
 import argparse
 from pathlib import Path
 
+from companion.commands.table import installed_documents
 from companion.install.install import (
     DEFAULT_PREFIX,
     SETTINGS_DIRECTORY,
@@ -38,7 +39,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Take the steps, each said before it is taken."""
     options = InstallOptions(
-        args.prefix, args.root, args.package, args.system_site_packages, enable=not args.no_enable
+        args.prefix,
+        args.root,
+        args.package,
+        args.system_site_packages,
+        enable=not args.no_enable,
+        documents={} if args.uninstall else installed_documents(),
     )
     if not args.dry_run:
         check_rights(options)

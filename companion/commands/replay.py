@@ -1,7 +1,8 @@
 """Run recorded flights, videos or folders of images through the pipeline, and say what happened.
 
-A FLIGHT is a flight folder, a plain video file or a folder of images. With several flights, which run in
-parallel, --out, --events, --plot, --video and --report take a directory or a name with {flight} in it.
+A FLIGHT is a flight folder, a folder of flight folders, a plain video file or a folder of images. With several flights,
+which run in parallel, --out, --ground, --events, --plot, --video and --report take a directory or a name with {flight}
+in it.
 """
 
 import argparse
@@ -36,6 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     files = parser.add_argument_group("what is written")
     files.add_argument("--out", metavar="FILE.jsonl", help="one estimate a frame")
+    files.add_argument("--ground", metavar="FILE.jsonl", help="what of the ground can be landed on, 2 Hz")
     files.add_argument("--events", metavar="FILE.jsonl", help="every change of decision and every event")
     files.add_argument("--plot", metavar="FILE.png", help="the flight at a glance (needs the extra 'plot')")
     files.add_argument("--video", metavar="FILE.webm", help="tracks, surface and verdict drawn on the frames")
@@ -51,6 +53,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     how.add_argument("--realtime", action="store_true", help="at the recorded pace")
     how.add_argument(
         "--enable-after", type=_seconds, metavar="SECONDS", help="enable landing at this time of the flight"
+    )
+    how.add_argument(
+        "--enable-from-rc",
+        action="store_true",
+        help="the recorded pilot's switch enables landing (landing.enable_rc_channel, landing.enable_modes)",
     )
     how.add_argument(
         "--connect",
@@ -89,23 +96,28 @@ def run(args: argparse.Namespace) -> int:
 def _jobs(args: argparse.Namespace) -> "list[ReplayJob]":
     """One job a flight, with everything checked that can be before the run."""
     from companion.replay.replay import ReplayJob
-    from companion.replay.source import PlainCamera
+    from companion.replay.source import PlainCamera, flights_in
 
     if args.plot:
         from companion.replay.plot import require_matplotlib
 
         require_matplotlib()
-    several = len(args.flights) > 1
-    if args.connect and several:
-        raise LandslopeError("--connect rehearses one flight at a time: give one FLIGHT")
+    flights = []
     for flight in args.flights:
         if not flight.exists():
             raise LandslopeError(
                 f"{flight}: there is no such flight; give a flight folder, a video or an image folder"
             )
-    wanted = {"out": args.out, "events": args.events, "plot": args.plot, "video": args.video}
+        flights += flights_in(flight)
+    several = len(flights) > 1
+    if args.connect and several:
+        raise LandslopeError("--connect rehearses one flight at a time: give one FLIGHT")
+    if args.enable_from_rc and args.enable_after is not None:
+        raise LandslopeError("--enable-after and --enable-from-rc: give one of them")
+    names_wanted = ("out", "ground", "events", "plot", "video")
+    wanted = {name: getattr(args, name) for name in names_wanted}
     wanted["report"] = args.report
-    names = names_of(args.flights)
+    names = names_of(flights)
     outputs = [outputs_for(name, wanted, several) for name in names]
     check_writable(outputs)
     for files in outputs:
@@ -126,9 +138,10 @@ def _jobs(args: argparse.Namespace) -> "list[ReplayJob]":
             publish=args.publish,
             realtime=args.realtime or bool(args.connect),
             enable_after_s=args.enable_after,
+            enable_from_rc=args.enable_from_rc,
             connect=args.connect,
         )
-        for name, flight, files in zip(names, args.flights, outputs, strict=True)
+        for name, flight, files in zip(names, flights, outputs, strict=True)
     ]
 
 

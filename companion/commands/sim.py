@@ -48,6 +48,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--connect", default="tcp:127.0.0.1:5760", metavar="CONNECTION", help="MAVLink of the ArduCopter SITL"
     )
     flight.add_argument(
+        "--pilot", default="tcp:127.0.0.1:5762", metavar="CONNECTION",
+        help="the SITL's second MAVLink port, for the scenario's pilot (default: tcp:127.0.0.1:5762)",
+    )  # fmt: skip
+    flight.add_argument(
+        "--physics-port", type=int, default=9002, metavar="PORT",
+        help="UDP port at which the SITL's motor outputs arrive (default: 9002)",
+    )  # fmt: skip
+    flight.add_argument(
         "--watch", action="store_true", help="keep name and bus of the settings, for others to watch"
     )
     flight.add_argument("--verbose", action="store_true", help="log what the daemon logs")
@@ -107,6 +115,8 @@ def _fly(args: argparse.Namespace, scenario: Any, progress: Any) -> Any:
     if args.autopilot == "ardupilot":
         if args.speed != 1.0:
             raise LandslopeError("--speed is SITL's own with --autopilot ardupilot: start it with --speedup")
+        if not 1 <= args.physics_port <= 65535:
+            raise LandslopeError(f"--physics-port {args.physics_port} is outside its limits 1 to 65535")
         ardupilot = ArduPilot(args.connect, args.pilot, args.physics_port)
     options = LiveOptions(args.speed, args.record, args.watch, ardupilot)
     return fly_live(scenario, args.config, args.overrides, options, progress)

@@ -48,17 +48,27 @@ def camera_model(
                 f"{camera.calibration}: is for images of {info.width} x {info.height}, the camera gives "
                 f"{width} x {height}: calibrate at this size, or set the camera to the other"
             )
-        return model_of(info, camera.calibration, mount), True
+        return model_of(info, camera.calibration, mount, readout_of(camera)), True
     calibrated = fov_deg is not None or focal_px is not None
     if focal_px is None:
         across = camera.assumed_fov_deg if fov_deg is None else fov_deg
         focal_px = width / 2 / math.tan(math.radians(across) / 2)
-    model = CameraModel.from_focal(width, height, focal_px, mount)
+    model = CameraModel.from_focal(width, height, focal_px, mount, readout_of(camera))
     _check(model, "the camera" if calibrated else "camera.assumed_fov_deg")
     return model, calibrated
 
 
-def model_of(info: CameraInfo, path: str | Path, mount: NDArray[np.float64] = DOWN) -> CameraModel:
+def readout_of(camera: CameraSettings) -> float | None:
+    """The rows' readout, seconds, as ``CameraModel`` has it: None where it is not known."""
+    return None if isinstance(camera.readout_s, str) else camera.readout_s
+
+
+def model_of(
+    info: CameraInfo,
+    path: str | Path,
+    mount: NDArray[np.float64] = DOWN,
+    readout_s: float | None = 0.0,
+) -> CameraModel:
     """The model of a calibration read from ``path``; LandslopeError for values that no camera has."""
     try:
         model = CameraModel(
@@ -67,6 +77,7 @@ def model_of(info: CameraInfo, path: str | Path, mount: NDArray[np.float64] = DO
             np.array(info.matrix, np.float64),
             np.array(info.distortion, np.float64),
             mount,
+            readout_s,
             equidistant=info.distortion_model == EQUIDISTANT,
         )
     except LandingError as error:
@@ -78,7 +89,7 @@ def model_of(info: CameraInfo, path: str | Path, mount: NDArray[np.float64] = DO
 def _check(model: CameraModel, name: str | Path) -> None:
     fault = implausible(model)
     if fault:
-        raise LandslopeError(f"{name}: {fault}; no camera has that: check the numbers, or calibrate anew")
+        raise LandslopeError(f"{name}: {fault}; check the numbers, or calibrate anew")
 
 
 def implausible(model: CameraModel) -> str:
@@ -102,6 +113,7 @@ def implausible(model: CameraModel) -> str:
         return (
             f"a focal length of {fx:.6g} px puts the corners of a picture of {width} x {height} at {angle_deg:.0f} "
             f"degrees off the axis, {LARGEST_ANGLE_DEG:g} at most"
+            + (": crop the picture, or fly a narrower lens" if model.equidistant else "")
         )
     off_px = float(np.abs(model.project(rays) - border).max())
     if not off_px <= INVERSE_PX:

@@ -166,8 +166,6 @@ class CommandState:
 
     def feed(self, sample: Sample, failsafe: bool = False) -> list[CommandChange]:
         """Take one sample, ``failsafe``: whether the autopilot is in one; returns what changed, in order."""
-        if self.code is Command.NONE:
-            return []
         if isinstance(sample, CommandAnswer):
             return self._answer(sample)
         if isinstance(sample, Heartbeat):

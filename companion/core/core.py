@@ -3,7 +3,9 @@
 from dataclasses import dataclass, replace
 
 from companion.core.attitude import BodyAttitude
+from companion.core.camera_times import CameraTimes
 from companion.core.frozen_camera import FrozenCamera
+from companion.core.ground import GroundReporter
 from companion.core.health import Clocks, HealthMonitor
 from companion.core.judge import Followed, Judge, LandRequest
 from companion.core.sync import Notice, ReadyFrame, Synchroniser
@@ -14,7 +16,6 @@ from companion.settings.settings import Settings
 from drivers.samples import Frame, Refusal, Sample
 from landing.estimate import SurfaceEstimate
 from landing.ground.landing_area import LandingArea
-from landing.motion.contradictions import AT_BOUND
 from landing.observation import Observation
 from landing.options import DecisionOptions, Options
 from landing.pipeline import SurfacePipeline
@@ -25,9 +26,6 @@ ATTITUDE_WITNESSES = 3
 
 SECOND_VEHICLE = ("second_vehicle", "another_vehicle")
 """Reasons of refusals, of recordings and of the live link, that report a second vehicle."""
-
-LATE_WORTH_TELLING_S, LATE_SIGMAS = 0.005, 4.0
-"""A lateness of the frames that an event tells of."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,8 +83,9 @@ class Core:
         self._calibrated = calibrated
         self._method = settings.estimator.method
         self._pipeline = SurfacePipeline(
-            camera, Options(settings.tracking, settings.estimator, settings.decision)
+            camera, Options(settings.tracking, settings.estimator, settings.decision, settings.ground)
         )
+        self._ground = GroundReporter(self._pipeline.ground)
         self._sync = Synchroniser(settings, telemetry, monotonic)
         self._health = HealthMonitor(settings.health, telemetry)
         self._health.calibrated = calibrated
@@ -103,7 +102,7 @@ class Core:
         self._attitude_known: bool | None = None
         self._attitude_streak = 0
         self._frame_number: int | None = None
-        self._late_told_s = 0.0
+        self._times = CameraTimes(self._pipeline.time_offset, self._sync.offset_us * 1e-6)
 
     def set_enabled(self, enabled: bool) -> None:
         """The user's permission to land; taking it back and giving it again allows another request."""
@@ -194,11 +193,13 @@ class Core:
         self._sync.allow_for(self._pipeline.time_offset.late_s, self._pipeline.time_offset.std_s)
         self._watch_contradictions(ready, out)
         if self._watch_picture(observation, ready, out):
+            self._pipeline.ground.forget()
             estimate = SurfaceEstimate(frame.number, estimate.time_s, "camera_frozen", estimate.method)
         self._health.counters[f"estimates {estimate.status}"] += 1
         boot_s = None if ready.boot_us is None else ready.boot_us * 1e-6
         out.append(estimate_message(estimate, ready.exposure_us, boot_s, self._calibrated))
         out.append(Processed(frame, estimate))
+        out += self._ground.step(estimate, ready.exposure_us, boot_s)
         out += self._judge.see(estimate, self._sync.now_us, ready.exposure_us)
 
     def _watch_attitude(self, ready: ReadyFrame, out: list[Output]) -> None:
@@ -236,23 +237,6 @@ class Core:
             self._health.camera_frozen = frozen
             out.append(event("camera_frozen" if frozen else "camera_moves", seen.frame, ready.exposure_us))
         return frozen
-
-    def _watch_time_offset(self, out: list[Output]) -> None:
-        """Tell of a lateness that is surely there, and again when it has surely changed."""
-        late_s, std_s = self._pipeline.time_offset.late_s, self._pipeline.time_offset.std_s
-        if abs(late_s - self._late_told_s) <= max(LATE_WORTH_TELLING_S, LATE_SIGMAS * std_s):
-            return
-        self._late_told_s = late_s
-        set_s = self._sync.offset_us * 1e-6
-        right_s = round(set_s + late_s, 3) + 0.0
-        at_bound = abs(late_s) >= AT_BOUND * self._pipeline.time_offset.farthest_s
-        side, amount = "later" if late_s > 0 else "earlier", f"{abs(late_s) * 1e3:.0f} ms"
-        advice = f"it is allowed for, set it to {right_s:.3f}"
-        if at_bound:
-            amount, advice = f"at least {amount}", "more cannot be found in flight: measure it and set it"
-        text = f"frames are {amount} {side} than camera.time_offset_s = {set_s:g} s says; {advice}"
-        details = {"late_s": round(late_s, 6), "std_s": round(std_s, 6)}
-        out.append(event("camera_late", self._frame_number, self._sync.raw_us(), text, details))
 
     def _tell(self, notice: Notice, out: list[Output]) -> None:
         if notice.name == "autopilot_rebooted":
@@ -292,8 +276,8 @@ class Core:
         if clock.settled:
             found = self._pipeline.time_offset
             offset_s = clock.offset_us(clock.boot_us(now_us)) * 1e-6
-            clocks = Clocks(offset_s, clock.std_s, found.late_s, found.std_s)
-            self._watch_time_offset(out)
+            out += self._times.step(now_us * 1e-6, self._frame_number, raw_us)
+            clocks = Clocks(offset_s, clock.std_s, found.late_s, found.std_s, *self._times.readout)
         out.append(self._health.message(now_us, raw_us, clocks))
 
 

@@ -74,12 +74,14 @@ VITAL = ("frames", "attitude")
 @dataclass(frozen=True, slots=True)
 class Clocks:
     """How the clocks stand to each other: ``offset_s`` companion minus autopilot, ``late_s`` lateness found of the
-    frames, each with its standard deviation; None where it is not known."""
+    frames, ``readout_s`` readout found of the rows, each with its standard deviation; None where it is not known."""
 
     offset_s: float | None = None
     std_s: float | None = None
     late_s: float | None = None
     late_std_s: float | None = None
+    readout_s: float | None = None
+    readout_std_s: float | None = None
 
 
 @dataclass(slots=True)
@@ -109,6 +111,8 @@ class HealthMonitor:
         self._expected = tuple(self._max_age_s) if telemetry else ("frames",)
         self._inputs = {name: _Input() for name in self._expected}
         self.telemetry = telemetry
+        self._early: set[str] = set()
+        """Inputs counted before there was a time: they came when time begins."""
         self._start_us: int | None = None
         self._told_us: int | None = None
         self.counters: Counter[str] = Counter()
@@ -116,6 +120,7 @@ class HealthMonitor:
         self.camera_frozen = False
         self.contradictions: tuple[str, ...] = ()
         """Comparisons of the pictures' motion with the vehicle's that fail: statuses of an estimate."""
+        self._heartbeat: Heartbeat | None = None
         self.calibrated = True
         self.radio_lost = False
         self.standing: tuple[Condition, ...] = ()
@@ -123,14 +128,18 @@ class HealthMonitor:
 
     def count(self, sample: Sample, now_us: int) -> None:
         """Take note of one sample."""
-        if self._start_us is None:
+        if not self._start_us:
             self._start_us = now_us
         if isinstance(sample, Refusal):
             self.refuse(SOURCES.get(sample.source, sample.source), sample.reason)
             return
+        if isinstance(sample, Heartbeat):
+            self._heartbeat = sample
         entry = self._inputs.setdefault(INPUTS[type(sample)], _Input())
         entry.count += 1
         entry.newest_us = now_us
+        if now_us == 0:
+            self._early.add(INPUTS[type(sample)])
 
     def refuse(self, name: str, reason: str) -> None:
         """Count a refusal of an input."""
@@ -140,6 +149,11 @@ class HealthMonitor:
 
     def state(self, name: str, now_us: int) -> str:
         """Of one input: "ok", "stale", "missing" (never came)."""
+        if self._early and now_us > 0:
+            for early in self._early:
+                if self._inputs[early].newest_us == 0:
+                    self._inputs[early].newest_us = now_us
+            self._early.clear()
         entry = self._inputs.get(name)
         if entry is None or entry.newest_us is None:
             return "missing"
@@ -202,6 +216,7 @@ class HealthMonitor:
             )
             entry.told = entry.count
         self._told_us = now_us
+        beat = self._heartbeat if self.state("heartbeat", now_us) == "ok" else None
         conditions = self.conditions(now_us, clocks.offset_s is not None)
         return Health(
             time_unix_us=time_unix_us,
@@ -209,10 +224,14 @@ class HealthMonitor:
             problems=tuple(c.text for c in conditions),
             inputs=inputs,
             counters=dict(sorted(self.counters.items())),
+            mode=None if beat is None else beat.mode,
+            armed=None if beat is None else beat.armed,
             clock_offset_s=_rounded(clocks.offset_s),
             clock_std_s=_rounded(clocks.std_s),
             camera_late_s=_rounded(clocks.late_s),
             camera_late_std_s=_rounded(clocks.late_std_s),
+            camera_readout_s=_rounded(clocks.readout_s),
+            camera_readout_std_s=_rounded(clocks.readout_std_s),
             pipeline_ms=None,
             conditions=conditions,
         )

@@ -2,10 +2,16 @@
 
 from dataclasses import dataclass
 
+from companion.core.command import UNDER_WAY, WORDS
 from companion.messages.messages import Decision, Estimate, Event, Message
 from companion.settings.settings import LandingSettings
+from landing.reasons import Code
 
-LANDING = frozenset({"requested", "in progress", "accepted", "landing"})
+LANDING = frozenset(WORDS[code] for code in UNDER_WAY)
+
+MEASURED = frozenset({Code.TOO_STEEP, Code.TOO_ROUGH, Code.OBSTACLE_POINTS})
+"""Reasons that say what the ground is. That too little of it is seen is natural near the ground, and no reason to
+break off."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,44 +23,60 @@ class Watched:
 
 
 class LandingWatch:
-    """Pure: fed with the pipeline's messages. Speaks once a landing, and only above the height (or, where it is not
-    known, the time to contact) below which breaking off would be worse than going on."""
+    """Pure: fed with the pipeline's messages. An abort needs what a request needs: evidence in every frame of
+    ``dwell_s``. Speaks once a landing, and only above the height (or, where it is not known, the time to contact)
+    below which breaking off would be worse than going on."""
 
-    def __init__(self, settings: LandingSettings) -> None:
+    def __init__(self, settings: LandingSettings, dwell_s: float) -> None:
         self._s = settings
-        self._estimate: Estimate | None = None
+        self._dwell_us = round(dwell_s * 1e6)
+        self._decision: Decision | None = None
+        self._since_us: int | None = None
         self._spoken = False
 
     def feed(self, message: Message) -> Watched | None:
         """Take one message; what is to be said and done, if anything."""
-        if isinstance(message, Estimate):
-            self._estimate = message
-        if not isinstance(message, Decision):
-            return None
-        if message.command not in LANDING:
-            self._spoken = False
-            return None
-        if self._spoken or message.verdict != "unfit" or not self._in_time():
-            return None
-        self._spoken = True
+        if isinstance(message, Decision):
+            self._take(message)
+        elif isinstance(message, Estimate) and self._due(message):
+            self._spoken = True
+            return self._words(message)
+        return None
+
+    def _take(self, decision: Decision) -> None:
+        """A decision is told at every change of the verdict, so the one taken last holds until the next."""
+        self._decision = decision
+        landing = decision.command in LANDING
+        self._spoken = self._spoken and landing
+        if not landing or decision.verdict != "unfit" or not MEASURED.intersection(decision.reason_codes):
+            self._since_us = None
+        elif self._since_us is None:
+            self._since_us = decision.time_unix_us
+
+    def _due(self, estimate: Estimate) -> bool:
+        if self._spoken or self._since_us is None:
+            return False
+        if not MEASURED.intersection(estimate.against_flat_codes):
+            self._since_us = None
+            return False
+        return estimate.time_unix_us - self._since_us >= self._dwell_us and self._in_time(estimate)
+
+    def _words(self, estimate: Estimate) -> Watched:
         hold = self._s.on_unfit == "hold"
-        reasons = ", ".join(message.reasons)
+        reasons = ", ".join(estimate.against_flat)
         return Watched(
             Event(
                 event="surface_unfit",
-                frame=message.frame,
-                time_unix_us=message.time_unix_us,
+                frame=estimate.frame,
+                time_unix_us=estimate.time_unix_us,
                 severity="error",
                 text=f"landing on an unfit surface: {reasons}" + ("; hold is asked for" if hold else ""),
-                details={"hold": hold, "reasons": list(message.reasons)},
+                details={"hold": hold, "reasons": list(estimate.against_flat)},
             ),
             hold,
         )
 
-    def _in_time(self) -> bool:
-        estimate = self._estimate
-        if estimate is None:
-            return False
+    def _in_time(self, estimate: Estimate) -> bool:
         if estimate.height_m is not None:
             return estimate.height_m > self._s.unfit_min_height_m
         contact_s = estimate.time_to_contact_s

@@ -159,6 +159,7 @@ class Synchroniser:
             self._attitudes.clear()
             self._velocities.clear()
             notices.append(Notice("autopilot_rebooted", {}))
+            self._settled = False
         elif arrival.change in (ClockChange.JUMPED, ClockChange.TAKEN_BACK):
             notices.append(self._clock_set(arrival))
         elif arrival.change is ClockChange.CORRECTED:
@@ -167,10 +168,11 @@ class Synchroniser:
             notices.append(Notice("boot_time_wrapped", {}))
         if arrival.steady_us is not None:
             self._advance(arrival.steady_us)
-        if self.clock.settled != self._settled:
-            self._settled = self.clock.settled
-            if self._settled:
-                notices.append(Notice("clock_settled", {"std_s": round(self.clock.std_s, 6)}))
+        if self.clock.settled and not self._settled:
+            self._settled = (
+                True  # once a boot: a clock that settles again and again is in health, not in events
+            )
+            notices.append(Notice("clock_settled", {"std_s": round(self.clock.std_s, 6)}))
         if arrival.boot_us is not None:
             self._watch_link(sample.arrival_us - self.clock.shift_us, arrival.boot_us, notices)
             self._keep(sample, arrival.boot_us)

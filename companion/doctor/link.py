@@ -18,6 +18,7 @@ from drivers.samples import (
     Heartbeat,
     Imu,
     LandedState,
+    RcChannels,
     Refusal,
     Sample,
     Velocity,
@@ -26,7 +27,17 @@ from drivers.samples import (
 SETTLE_US = 1_500_000
 """After the vehicle was found: the rates asked for are only on their way."""
 
-SUBJECTS = {"attitude": Attitude, "gyro": Imu, "velocity": Velocity, "landed state": LandedState}
+SUBJECTS = {
+    "attitude": Attitude,
+    "gyro": Imu,
+    "velocity": Velocity,
+    "landed state": LandedState,
+    "radio": RcChannels,
+}
+RATE_REMEDY = (
+    "raise the link's baud rate, or lower the rate in [mavlink]; PX4: MAV_n_RATE bounds all messages together; "
+    "ArduPilot: SRn_... and other programs ask for other rates"
+)
 
 
 class LinkExamination:
@@ -130,13 +141,20 @@ class LinkExamination:
                 )
             ]
         findings = []
-        for subject, kind in SUBJECTS.items():
+        channel = self._settings.landing.enable_rc_channel
+        asked |= {"radio": m.state_rate_hz} if channel else {}
+        for subject in asked:
+            kind = SUBJECTS[subject]
             times = np.array([sample.arrival_us for sample in settled if isinstance(sample, kind)], np.int64)
             rate_hz = len(times) / span_s
             text = f"{rate_hz:.1f} Hz of {asked[subject]:g} asked for"
-            remedy = "raise the link's baud rate, or lower the rate in [mavlink]; other programs may ask for others"
+            remedy = RATE_REMEDY
             if not len(times):
-                level: Level = "failure" if subject == "attitude" else "warning"
+                level: Level = "failure" if subject in ("attitude", "radio") else "warning"
+                if subject == "radio":
+                    remedy = (
+                        f"RC channel {channel} enables landing; without RC_CHANNELS nothing is ever requested"
+                    )
                 findings.append(
                     Finding(subject, level, "none comes", f"{heartbeat.autopilot} sends none: {remedy}")
                 )

@@ -33,12 +33,21 @@ def settings_findings(loaded: LoadedSettings) -> Iterator[Finding]:
     for note in loaded.notes:
         yield Finding("settings", "warning", note, "correct the file")
     landing = loaded.settings.landing
-    switch = landing.enable_rc_channel
-    if landing.enabled or switch:
-        how = f"by RC channel {switch}" if switch else "from the start"
-        yield Finding("landing", "ok", f"enabled {how}, in modes {', '.join(landing.allowed_modes)}")
-    else:
+    ways = []
+    if landing.enable_rc_channel:
+        ways.append(f"by RC channel {landing.enable_rc_channel}")
+    if landing.enable_modes:
+        ways.append(f"by choosing mode {' or '.join(landing.enable_modes)}")
+    if not ways and landing.enabled:
+        ways.append("from the start")
+    if not ways:
         yield Finding("landing", "ok", "not enabled: landslope measures and reports, and requests nothing")
+    elif landing.enable_modes and not set(landing.enable_modes) & set(landing.allowed_modes):
+        text = f"enabled {' and '.join(ways)}, but landing.allowed_modes has none of these modes"
+        yield Finding("landing", "warning", text, "add the mode to landing.allowed_modes")
+    else:
+        allowed = ", ".join(landing.allowed_modes)
+        yield Finding("landing", "ok", f"enabled {' and '.join(ways)}, in modes {allowed}")
     key = Path(loaded.settings.mavlink.signing_key)
     if loaded.settings.mavlink.signing_key and key.is_file() and key.stat().st_mode & 0o007:
         yield Finding("signing key", "warning", f"{key} is readable by everybody", f"chmod 640 {key}")

@@ -5,13 +5,14 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
 from importlib.metadata import distribution, version
 from pathlib import Path
 from urllib.parse import unquote, urlparse
 
 from companion.errors import LandslopeError
+from companion.install.manual import DOCUMENTS
 from companion.install.shipped import shipped
 
 UNIT = "landslope.service"
@@ -48,6 +49,8 @@ class InstallOptions:
     package: str = ""
     system_site_packages: bool = False
     enable: bool = True
+    documents: Mapping[Path, str] = field(default_factory=dict)
+    """Texts by the paths they are written to: completions and the man page."""
 
 
 def install_steps(options: InstallOptions) -> Iterator[Step]:
@@ -56,6 +59,8 @@ def install_steps(options: InstallOptions) -> Iterator[Step]:
         yield from _environment(options)
     for name, target in SYSTEM_FILES.items():
         yield _write(shipped(name).read_text(encoding="utf-8"), target, options)
+    for target, text in options.documents.items():
+        yield _write(text, target, options)
     for name in SETTINGS_FILES:
         text = shipped(name).read_text(encoding="utf-8")
         target = SETTINGS_DIRECTORY / name
@@ -83,7 +88,7 @@ def uninstall_steps(options: InstallOptions, purge: bool) -> Iterator[Step]:
         yield _command("systemctl", "disable", "--now", UNIT)
     elif _below(options.root, SYSTEM_FILES[UNIT]).exists():
         yield _command("systemctl", f"--root={options.root}", "disable", UNIT)
-    for target in SYSTEM_FILES.values():
+    for target in (*SYSTEM_FILES.values(), *DOCUMENTS):
         yield _remove(target, options)
     if _is_ours(_below(options.root, options.prefix)):
         yield _remove(options.prefix, options)

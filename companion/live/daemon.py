@@ -6,6 +6,8 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 
+import msgspec
+
 from companion.core.command import NAV_LAND
 from companion.core.core import LandRequest, Output, Processed
 from companion.core.landing_watch import LandingWatch
@@ -23,7 +25,7 @@ from companion.messages.preview import PreviewPublisher
 from companion.settings.settings import Settings
 from drivers.errors import DriverError
 from drivers.events import DriverEvent
-from drivers.samples import CommandAnswer, Imu, Sample
+from drivers.samples import CommandAnswer, Heartbeat, Imu, Sample
 from drivers.system.host_clock import has_date, now_us
 from drivers.system.service_manager import ServiceManager
 
@@ -63,7 +65,7 @@ class Daemon:
             stack.callback(self.recording.close)
             self.pipeline = LivePipeline(settings, self._output, self._conditions, self.counters)
             self._report = GroundReport(settings.mavlink, self.pipeline.body_from_camera)
-            self._watch = LandingWatch(settings.landing)
+            self._watch = LandingWatch(settings.landing, settings.decision.dwell_s)
             self._publisher = stack.enter_context(Publisher(settings, retry=True))
             self._preview = PreviewPublisher(self._publisher.bus, settings.preview)
             stack.callback(self._preview.close)
@@ -160,6 +162,8 @@ class Daemon:
             for sample in samples:
                 if isinstance(sample, Imu):
                     self._report.gyro(sample)
+                elif isinstance(sample, Heartbeat):
+                    self._report.autopilot = sample.autopilot
 
     def _output(self, output: Output) -> None:
         if isinstance(output, LandRequest):
@@ -182,6 +186,8 @@ class Daemon:
         if isinstance(message, Estimate):
             self._estimate_us = message.time_unix_us
         elif isinstance(message, Health):
+            recording = self.recording.recording if self.settings.record.directory else None
+            message = msgspec.structs.replace(message, recording=recording)
             self.service.status("; ".join(message.problems) or "all well")
         self._publisher.publish(message)
         self.recording.message(message)
@@ -204,6 +210,12 @@ class Daemon:
         found = list(self.recording.conditions())
         if self._link is not None and self._link.ambiguous:
             found.append(condition(Code.TWO_VEHICLES))
+        if self._link is not None:
+            wanted = self._link.rates.wanted_hz
+            for name, hz in self._link.slow.items():
+                found.append(condition(Code.RATE_TOO_LOW, name, f"{hz:.1f} Hz of {wanted[name]:g}"))
+            if self._link.unsigned_only:
+                found.append(condition(Code.UNSIGNED))
         if not has_date():
             found.append(condition(Code.CLOCK_WITHOUT_DATE))
         return tuple(found)

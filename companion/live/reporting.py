@@ -10,20 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from companion.messages.conditions import Condition, identity
-from companion.messages.events import COMMAND_EVENTS
+from companion.live.status_texts import StatusTexts
 from companion.messages.messages import Decision, Estimate, Event, Health, Message
 from companion.settings.settings import MavlinkSettings
 from drivers.samples import Imu
 
-TEXT_LENGTH = 50
-"""STATUSTEXT holds this many characters; longer texts would need chunks that few ground stations join."""
-SEVERITIES = {
-    "info": dialect.MAV_SEVERITY_INFO,
-    "warning": dialect.MAV_SEVERITY_WARNING,
-    "error": dialect.MAV_SEVERITY_CRITICAL,
-}
 BOOT_WRAP_MS = 2**32
+LONGEST_FLOW_US = 500_000
+"""Flow is integrated from estimate to estimate; over a longer gap none is sent."""
 
 
 class GroundReport:
@@ -32,10 +26,12 @@ class GroundReport:
     def __init__(self, settings: MavlinkSettings, body_from_camera: NDArray[np.float64]) -> None:
         self._s = settings
         self._body_from_camera = body_from_camera
-        self._gyro = np.zeros(2)
+        self.autopilot = ""
+        """As heartbeats name it: PX4 takes OPTICAL_FLOW_RAD alone."""
+        self._gyro = np.zeros(3)
         self._gyro_count = 0
-        self._verdict = ""
-        self._conditions: dict[tuple[str, str], Condition] = {}
+        self._flow_us: int | None = None
+        self._texts = StatusTexts()
         self._values_due_us = 0
 
     def set_settings(self, settings: MavlinkSettings) -> None:
@@ -44,7 +40,7 @@ class GroundReport:
 
     def gyro(self, sample: Imu) -> None:
         """Take a gyro sample: OPTICAL_FLOW has the rotation in it, the estimates do not."""
-        self._gyro += sample.rate[:2]
+        self._gyro += sample.rate
         self._gyro_count += 1
 
     def feed(self, message: Message) -> list[Any]:
@@ -54,30 +50,10 @@ class GroundReport:
         if not self._s.status_text:
             return []
         if isinstance(message, Decision):
-            return self._decision(message)
+            return self._texts.decision(message)
         if isinstance(message, Health):
-            return self._health_change(message)
-        if isinstance(message, Event) and message.event in COMMAND_EVENTS:
-            return [_text(message.severity, message.text.removeprefix("command to "))]
-        return []
-
-    def _decision(self, decision: Decision) -> list[Any]:
-        if decision.verdict == self._verdict:
-            return []
-        first, self._verdict = not self._verdict, decision.verdict
-        if first and decision.verdict == "unknown":
-            return []
-        why = f": {decision.reasons[0]}" if decision.reasons else ""
-        return [_text("info", f"surface {decision.verdict}{why}")]
-
-    def _health_change(self, health: Health) -> list[Any]:
-        """What began and what ended; ages that grow within a condition are no change."""
-        was, self._conditions = self._conditions, {identity(c): c for c in health.conditions}
-        began = [_text(c.severity, c.text) for key, c in self._conditions.items() if key not in was]
-        if was and not self._conditions:
-            return [_text("info", "all well")]
-        ended = [_text("info", f"over: {c.text}") for key, c in was.items() if key not in self._conditions]
-        return began + ended
+            return self._texts.health(message)
+        return self._texts.event(message) if isinstance(message, Event) else []
 
     def _values(self, e: Estimate) -> list[Any]:
         if self._s.named_value_rate_hz == 0 or e.time_unix_us < self._values_due_us:
@@ -100,25 +76,43 @@ class GroundReport:
         approach = (e.divergence or 0.0) / 2
         velocity = self._body_from_camera @ (e.ventral_flow_x, e.ventral_flow_y, approach)
         gyro = self._gyro / max(self._gyro_count, 1)
-        self._gyro, self._gyro_count = np.zeros(2), 0
+        self._gyro, self._gyro_count = np.zeros(3), 0
+        flow_x, flow_y = float(gyro[0] - velocity[1]), float(gyro[1] + velocity[0])
+        quality = round(255 * (e.inlier_fraction or 0.0))
+        height_m = -1.0 if e.height_m is None else e.height_m
+        if self.autopilot != "px4":
+            return [
+                dialect.MAVLink_optical_flow_message(
+                    time_usec=e.time_unix_us,
+                    sensor_id=0,
+                    flow_x=0,
+                    flow_y=0,
+                    flow_comp_m_x=0.0,
+                    flow_comp_m_y=0.0,
+                    quality=quality,
+                    ground_distance=height_m,
+                    flow_rate_x=flow_x,
+                    flow_rate_y=flow_y,
+                )
+            ]
+        before_us, self._flow_us = self._flow_us, e.time_unix_us
+        span_us = 0 if before_us is None else e.time_unix_us - before_us
+        if not 0 < span_us <= LONGEST_FLOW_US:
+            return []
+        span_s = span_us * 1e-6
         return [
-            dialect.MAVLink_optical_flow_message(
+            dialect.MAVLink_optical_flow_rad_message(
                 time_usec=e.time_unix_us,
                 sensor_id=0,
-                flow_x=0,
-                flow_y=0,
-                flow_comp_m_x=0.0,
-                flow_comp_m_y=0.0,
-                quality=round(255 * (e.inlier_fraction or 0.0)),
-                ground_distance=-1.0 if e.height_m is None else e.height_m,
-                flow_rate_x=float(gyro[0] - velocity[1]),
-                flow_rate_y=float(gyro[1] + velocity[0]),
+                integration_time_us=span_us,
+                integrated_x=flow_x * span_s,
+                integrated_y=flow_y * span_s,
+                integrated_xgyro=float(gyro[0]) * span_s,
+                integrated_ygyro=float(gyro[1]) * span_s,
+                integrated_zgyro=float(gyro[2]) * span_s,
+                temperature=0,
+                quality=quality,
+                time_delta_distance_us=0,
+                distance=height_m,
             )
         ]
-
-
-def _text(severity: str, text: str) -> Any:
-    line = f"landslope: {text}"
-    if len(line) > TEXT_LENGTH:
-        line = line[: TEXT_LENGTH - 1] + "~"
-    return dialect.MAVLink_statustext_message(SEVERITIES[severity], line.encode("ascii", "replace"))

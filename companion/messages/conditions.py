@@ -29,6 +29,8 @@ class Code(StrEnum):
     RECORDING_STOPPED = "recording_stopped"
     CLOCK_WITHOUT_DATE = "clock_without_date"
     RADIO_LOST = "radio_lost"
+    RATE_TOO_LOW = "rate_too_low"
+    UNSIGNED = "unsigned"
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +62,8 @@ KINDS = {
     Code.INPUT_STALE: Kind("warning", "{subject}: none for {detail}"),
     Code.CLOCKS_UNRELATED: Kind("warning", "clocks: the autopilot's time is not known yet"),
     Code.RADIO_LOST: Kind("warning", "radio: the pilot's switch is not heard"),
+    Code.UNSIGNED: Kind("warning", "signing: the autopilot signs nothing; give it mavlink.signing_key too"),
+    Code.RATE_TOO_LOW: Kind("warning", "{subject}: {detail} asked for"),
     Code.RECORDING_STOPPED: Kind("warning", "not recording: {detail}"),
     Code.CLOCK_WITHOUT_DATE: Kind("warning", "clock: the date is not known"),
 }

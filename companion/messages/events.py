@@ -18,6 +18,7 @@ EVENTS = {
     "link_late": ("warning", "telemetry comes late over this link"),
     "frames_jumped": ("warning", "the frames' stamps fell back and went on from there"),
     "camera_late": ("warning", "frames are not as late as camera.time_offset_s says; it is allowed for"),
+    "readout_found": ("warning", "the camera has a rolling shutter that is not set; it is allowed for"),
     "camera_frozen": ("error", "the picture stands still while the vehicle turns"),
     "camera_moves": ("info", "the picture moves again"),
     "rotation_contradicts": (
@@ -50,6 +51,8 @@ EVENTS = {
     "landing_refused": ("warning", "the autopilot refused the command to land"),
     "landing_failed": ("warning", "the command to land had no effect"),
     "landing_taken_over": ("warning", "the flight mode left LAND before the touchdown"),
+    "landing_held": ("info", "the landing ended by our own request to hold"),
+    "landing_failsafe": ("warning", "the autopilot left LAND in a failsafe"),
     "surface_unfit": ("error", "the surface turned out unfit during the landing"),
     "hold_accepted": ("info", "the autopilot accepted the request to hold"),
     "hold_failed": ("error", "the autopilot did not accept the request to hold"),
@@ -80,6 +83,8 @@ LANDING_EVENTS = frozenset(
         "landing_refused",
         "landing_failed",
         "landing_taken_over",
+        "landing_held",
+        "landing_failsafe",
     }
 )
 """The request to land and what became of it."""

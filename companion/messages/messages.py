@@ -1,28 +1,16 @@
 """Every message: fields with meaning and unit, key, rate. Field names are a contract: add, never rename."""
 
-import math
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import Annotated, Any
 
 import msgspec
 
 from companion.messages.conditions import Condition
+from companion.messages.fields import about, known
+from companion.messages.ground import Ground
 from landing.decision.withheld import Withheld
 from landing.estimate import SurfaceEstimate
 from landing.reasons import Code, Status, codes, in_words
-
-
-def about(meaning: str, unit: str = "", *, one_of: type[StrEnum] | None = None) -> msgspec.Meta:
-    """What a field means and its unit; goes into the JSON Schema and the documentation.
-
-    ``one_of``: the table that the values (of a tuple: its items) come from. The schema lists them; readers take
-    others too, since a newer vehicle may know more.
-    """
-    extra: dict[str, Any] = {"unit": unit} if unit else {}
-    if one_of is not None:
-        extra["one_of"] = [str(value) for value in one_of]
-    return msgspec.Meta(description=meaning, extra_json_schema=extra or None)
 
 
 class Estimate(msgspec.Struct, frozen=True, kw_only=True):
@@ -112,6 +100,13 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
     time_unix_us: Annotated[int, about("when, companion clock since 1970", "us")]
     state: Annotated[str, about('"ok", "degraded" or "failed"')]
     problems: Annotated[tuple[str, ...], about("what is wrong, in words")]
+    mode: Annotated[str | None, about("the autopilot's flight mode by name; null while it is not heard")] = (
+        None
+    )
+    armed: Annotated[bool | None, about("whether the vehicle is armed; null while it is not heard")] = None
+    recording: Annotated[bool | None, about("whether the flight is recorded; null where none is set up")] = (
+        None
+    )
     inputs: Annotated[dict[str, InputHealth], about("every input by name")]
     counters: Annotated[dict[str, int], about("everything counted, by name")]
     clock_offset_s: Annotated[float | None, about("companion clock minus autopilot clock", "s")]
@@ -124,6 +119,11 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
     conditions: Annotated[
         tuple[Condition, ...], about("what is wrong now, by code; problems are their texts")
     ] = ()
+    camera_readout_s: Annotated[
+        float | None,
+        about("rolling shutter readout, estimated in flight; null until settled, or if set", "s"),
+    ] = None
+    camera_readout_std_s: Annotated[float | None, about("standard deviation of camera_readout_s", "s")] = None
 
 
 class Event(msgspec.Struct, frozen=True, kw_only=True):
@@ -137,7 +137,7 @@ class Event(msgspec.Struct, frozen=True, kw_only=True):
     details: Annotated[dict[str, Any], about("more, by name")] = {}
 
 
-Message = Estimate | Decision | Health | Event
+Message = Estimate | Ground | Decision | Health | Event
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +153,7 @@ class Topic:
 
 TOPICS = (
     Topic("estimate", Estimate, "every frame", True),
+    Topic("ground", Ground, "2 Hz, its map 0.5 Hz", True),
     Topic("decision", Decision, "on change, and every second", True),
     Topic("health", Health, "1 Hz", True),
     Topic("event", Event, "as they happen", True),
@@ -171,11 +172,6 @@ _encoder = msgspec.json.Encoder(order="deterministic")
 def encode(message: Message) -> bytes:
     """The message as one line of JSON (no newline); NaN becomes null."""
     return _encoder.encode(message)
-
-
-def known(value: float, digits: int) -> float | None:
-    """A number for a message: rounded, None where unknown."""
-    return round(float(value), digits) if math.isfinite(value) else None
 
 
 def estimate_message(

@@ -9,6 +9,8 @@ from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
+from companion.monitor.help import LOGIN_PAGE, WRONG_TOKEN_PAGE
+
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send = Callable[[MutableMapping[str, Any]], Awaitable[None]]
@@ -19,12 +21,6 @@ LOGIN = "/login"
 WRONG_TOKEN_DELAY_S = 1.0
 LONGEST_LOGIN_BYTES = 4096
 LOCAL_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
-LOGIN_PAGE = b"""<!doctype html><html lang="en"><meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1"><title>landslope monitor</title>
-<body style="font:20px sans-serif;margin:2em;color:#000;background:#fff"><form method="post" action="/login">
-<p><label>token<br><input name="token" type="password" autofocus autocomplete="current-password"
-style="font-size:24px;width:100%;max-width:20em;padding:8px"></label></p>
-<p><button style="font-size:24px;padding:8px 24px">watch</button></p></form></body></html>"""
 
 
 class Gate:
@@ -79,7 +75,7 @@ class Gate:
         given = parse_qs(body.decode("utf-8", "replace")).get("token", [""])[0]
         if self._token is None or not hmac.compare_digest(given.encode(), self._token.encode()):
             await asyncio.sleep(WRONG_TOKEN_DELAY_S)
-            await _answer(scope, send, 401, LOGIN_PAGE)
+            await _answer(scope, send, 401, WRONG_TOKEN_PAGE)
             return
         secure = "; Secure" if self._secure else ""
         cookie = f"{COOKIE}={self._session}; HttpOnly; SameSite=Strict; Path=/{secure}"

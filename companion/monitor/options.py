@@ -17,9 +17,10 @@ class MonitorOptions:
         float,
         Limits(1.5, 60, "s", "a vehicle that said nothing for longer is silent; health comes every second"),
     ] = 3.0
-    refresh_hz: Annotated[float, Limits(0.5, 5, "Hz", "updates of the page a second")] = 5.0
-    history_s: Annotated[float, Limits(5, 600, "s", "what the charts show")] = 60.0
-    history_hz: Annotated[float, Limits(0.5, 10, "Hz", "most points a second that the charts keep")] = 4.0
+    refresh_hz: Annotated[float, Limits(0.5, 20, "Hz", "updates of the page a second")] = 10.0
+    history_s: Annotated[float, Limits(60, 3600, "s", "how far one can look back")] = 600.0
+    chart_s: Annotated[float, Limits(5, 600, "s", "what the charts show at once")] = 60.0
+    history_hz: Annotated[float, Limits(0.5, 10, "Hz", "most points a second that the charts keep")] = 2.0
     max_vehicles: Annotated[
         int, Limits(1, 1000, "", "vehicles kept; further ones are counted and left out")
     ] = 200

@@ -2,56 +2,43 @@
 
 import base64
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import Any
 
 from nicegui import ui
 
-from companion.messages.messages import Event, Health
+from companion.messages.messages import Event
 from companion.monitor import words
-from companion.monitor.charts import CHARTS, frame_of, series_of
+from companion.monitor.charts import CHARTS, chart_svg
+from companion.monitor.elements import MOST_WORDS, card, heading, label, lines_of
 from companion.monitor.feed import Feed
+from companion.monitor.fleet import View, card_html, view_of
+from companion.monitor.ground_view import ground_svg
+from companion.monitor.health_card import HealthCard
+from companion.monitor.help import EMPTY
 from companion.monitor.scene import scene_svg
 from companion.monitor.state import Vehicle, Watch
+from companion.monitor.timeline import at, in_words, timeline_svg
 from companion.monitor.tracks import counts, tracks_svg
 
-CSS = (Path(__file__).parent / "style.css").read_text()
+HERE = Path(__file__).parent
+CSS = (HERE / "style.css").read_text()
+THEME = (HERE / "theme.js").read_text()
 CHART_PERIOD_S = 1.0
-MOST_CHIPS = 60
-MOST_INPUTS = 40
-MOST_WORDS = 12
+FLEET_PERIOD_S = 0.5
+MOST_CARDS = 60
 MOST_EVENTS = 7
 FIGURES = (
+    ("height_m", "height over the surface"),
     ("time_to_contact_s", "time to contact"),
+    ("armed", "motors"),
+    ("mode", "flight mode"),
+    ("attitude", "attitude"),
+    ("downhill_bearing_deg", "falls towards"),
     ("ventral_flow", "ventral flow x, y, 1/s"),
     ("roughness", "roughness"),
-    ("downhill_bearing_deg", "falls towards"),
 )
-
-
-@dataclass(frozen=True, slots=True)
-class View:
-    """What one refresh shows, copied under the lock so that it belongs together."""
-
-    names: list[tuple[str, str, bool]]
-    vehicle: Vehicle | None
-    silent: list[tuple[str, float]]
-    events: list[Event]
-
-
-def view_of(watch: Watch, chosen: str | None, now_s: float) -> View:
-    """The vehicles by name, the chosen one (the first while it is unknown), and who is silent how long."""
-    watch.tick(now_s)
-    with watch.lock:
-        vehicles = sorted(watch.vehicles.values(), key=lambda v: v.name)
-        names = [(v.name, words.look(v.decision, v.health), watch.is_silent(v, now_s)) for v in vehicles]
-        silent = [(v.name, now_s - v.silent_since_s) for v in vehicles if v.silent_since_s is not None]
-        vehicle = watch.vehicles.get(chosen) if chosen else None
-        if vehicle is None and chosen is None and vehicles:
-            vehicle = next((v for v in vehicles if not watch.is_silent(v, now_s)), vehicles[0])
-        return View(names, vehicle, silent, list(vehicle.events) if vehicle else [])
 
 
 class Page:
@@ -62,20 +49,15 @@ class Page:
         self._feed = feed
         self._chosen = chosen
         self._shown_picture: bytes = b""
-        self._charts_due_s = 0.0
-        self._chips: list[tuple[str, str, bool, bool]] = []
-        self._inputs: list[Any] = []
-        ui.add_css(CSS)
+        self._charts_due_s = self._fleet_due_s = 0.0
+        self._back_s = 0.0
+        self._buttons: list[tuple[Any, Any]] = []
+        self._order: list[str] = []
         self._dismissed: dict[str, float] = {}
         self._silent: list[tuple[str, float]] = []
-        with ui.element("div").classes("alarm") as self._alarm_bar:
-            self._alarm = ui.label().props("id=alarm role=alert")
-            self._dismiss = ui.element("button").classes("dismiss").props("id=dismiss")
-            self._dismiss.on("click", self._dismiss_silent)
-            with self._dismiss:
-                ui.label("hide until heard again")
-        with ui.element("main").classes("page") as self._main:
-            self._build()
+        ui.add_css(CSS)
+        ui.add_body_html(f"<script>{THEME}</script>")
+        self._build()
         self.refresh()
         ui.timer(1 / watch.options.refresh_hz, self.refresh)
 
@@ -84,15 +66,19 @@ class Page:
         now_s = time.monotonic()
         view = view_of(self._watch, self._chosen, now_s)
         self._show_alarm(view)
-        self._show_chips(view)
+        if now_s >= self._fleet_due_s:
+            self._fleet_due_s = now_s + FLEET_PERIOD_S
+            self._show_fleet(view)
         vehicle = view.vehicle
+        self._help.set_visibility(vehicle is None)
+        for part in self._parts:
+            part.set_visibility(vehicle is not None)
         if vehicle is None:
             return
         silent = any(name == vehicle.name for name, _ in view.silent)
         self._main.classes(add="is-silent" if silent else "", remove="" if silent else "is-silent")
         self._show_now(vehicle, silent)
-        self._show_permission(vehicle)
-        self._show_health(vehicle, now_s)
+        self._health.show(vehicle, now_s, self._feed.dropped)
         self._show_events(view.events)
         self._show_preview(vehicle)
         if now_s >= self._charts_due_s:
@@ -100,51 +86,94 @@ class Page:
             self._show_charts(vehicle, now_s)
 
     def _build(self) -> None:
-        self._chip_row = ui.element("nav").classes("chips wide").props("aria-label=vehicles")
-        with ui.element("section").classes("card"):
-            self._verdict = _label("verdict", "verdict")
-            self._against = _label("words", "against")
+        with ui.element("header").classes("bar"):
+            ui.html("landslope monitor", tag="h1", sanitize=False)
+            theme = (
+                ui.element("button")
+                .classes("plain")
+                .props("id=theme type=button aria-label='change the theme'")
+            )
+            theme.on("click", js_handler="() => window.landslopeTheme()")
+        with ui.element("div").classes("top").props("role=region aria-label=verdict"):
+            with ui.element("div").classes("alarm").props("tabindex=0") as self._alarm_bar:
+                self._alarm = ui.label().props("id=alarm role=alert")
+                self._dismiss = ui.element("button").classes("dismiss").props("id=dismiss type=button")
+                self._dismiss.on("click", self._dismiss_silent)
+                with self._dismiss:
+                    ui.label("hide until heard again")
+            with ui.element("div").classes("verdict-bar is-unknown") as self._verdict_bar:
+                self._sign = ui.label().classes("sign").props("aria-hidden=true")
+                self._verdict = label("verdict", "verdict").props(
+                    "role=status aria-live=assertive aria-atomic=true"
+                )
+                self._name = label("verdict-name", "name")
+            self._status = ui.html("", sanitize=False).classes("status").props("data-field=status")
+        with ui.element("div").classes("page") as self._main:
+            self._fleet = ui.element("section").classes("fleet wide").props("aria-label=fleet")
+            self._help = (
+                ui.html(EMPTY, tag="section", sanitize=False).classes("card help wide").props("id=help")
+            )
+            self._build_vehicle()
+        self._parts = [self._verdict_bar, self._status, *self._cards]
+
+    def _build_vehicle(self) -> None:
+        with card("Surface below") as now:
+            self._against = label("words", "against")
             ui.label("inclination").classes("label")
-            self._inclination = _label("big", "inclination_deg")
-            self._slopes = _label("small", "slopes")
+            self._inclination = label("big", "inclination_deg")
+            self._slopes = label("small", "slopes")
             with ui.element("div").classes("figures"):
                 self._figures = {}
                 for name, title in FIGURES:
                     with ui.element("div"):
                         ui.label(title).classes("label")
-                        self._figures[name] = _label("figure", name)
-            self._frame = _label("small", "frame")
-        with _card("surface under the vehicle"):
+                        self._figures[name] = label("figure", name)
+            self._frame = label("small", "frame")
+        with card("Surface under the vehicle") as scene:
             self._scene = ui.html("", sanitize=False).classes("w-full").props("id=scene")
             ui.label("The blue nose points away from you; dashed is level.").classes("small")
-        with _card("camera"):
-            self._preview = (
-                ui.interactive_image("", sanitize=False, size=(320, 240))
-                .classes("preview")
-                .props("id=preview")
+        with card("Camera") as camera:
+            with ui.element("div").classes("preview").props("id=preview"):
+                self._picture = ui.element("img").props('alt="no picture yet" src="data:,"')
+                self._overlay = ui.html("", sanitize=False).classes("overlay")
+            self._preview_words = label("small", "preview")
+        with card("Ground from above") as self._ground_card:
+            self._ground = ui.html("", sanitize=False).props("id=ground")
+            ui.label("Green landable, red hazard, grey unknown; dashed: where it would come down.").classes(
+                "small"
             )
-            self._preview_words = _label("small", "preview")
-        with _card("permission and command"):
+        with card("Permission and command") as permission:
             ui.label("permission to land").classes("label")
-            self._permission = _label("words", "permission")
+            self._permission = label("words", "permission")
             ui.label("command to land").classes("label")
-            self._command = _label("words", "command")
-        with _card("health"):
-            self._health = _label("figure", "health")
-            self._problems = _label("words", "problems")
-            self._input_grid = ui.element("div").classes("inputs").props("id=inputs")
-            self._clock = _label("small", "clock")
-            self._traffic = _label("small", "traffic")
-            self._counters = _label("small", "counters")
-        with _card("events"):
-            self._events = _label("words small", "events")
+            self._command = label("words", "command")
+        with card("Health") as health:
+            self._health = HealthCard()
+        with card("Events") as events:
+            self._events = label("words small", "events")
+        with card("The last ten minutes") as timeline:
+            timeline.classes("wide")
+            self._timeline = ui.html("", sanitize=False).props("id=timeline")
+            span_s = self._watch.options.history_s
+            self._slider = ui.element("input").classes("look-back")
+            self._slider.props(
+                f'type=range min={-span_s:.0f} max=0 step=5 value=0 aria-label="look back, seconds"'
+            )
+            self._slider.on("input", self._look_back, js_handler="(e) => emit(Number(e.target.value))")
+            with ui.element("div").classes("row"):
+                self._back = label("small", "back")
+                live = ui.element("button").classes("plain").props("id=live type=button")
+                live.on("click", self._look_at_now)
+                with live:
+                    ui.label("back to now")
         self._charts = {}
-        with ui.element("div").classes("charts wide"):
+        with ui.element("section").classes("charts wide").props('aria-label="charts"') as charts:
             for chart in CHARTS:
-                with ui.element("section").classes("card"):
-                    options = frame_of(chart, self._watch.options.history_s)
-                    element = ui.echart(options).classes("chart").props(f"id=chart-{chart.name}")
-                    self._charts[chart.name] = element
+                with ui.element("div").classes("card"):
+                    heading(chart.title)
+                    self._charts[chart.name] = ui.html("", sanitize=False).props(f"id=chart-{chart.name}")
+        self._cards = [now, scene, camera, permission, health, events, timeline, charts]
+        self._ground_card.set_visibility(False)
 
     def _show_alarm(self, view: View) -> None:
         lines = []
@@ -155,7 +184,7 @@ class Page:
         self._silent = [(name, s) for name, s in view.silent if name not in self._dismissed]
         lines += [f"{name} IS SILENT for {words.duration(s)}" for name, s in self._silent[:MOST_WORDS]]
         if view.vehicle is None and not lines:
-            lines.append(f"{self._chosen or 'no vehicle'} is not heard yet")
+            lines.append(f"{self._chosen} is not heard yet" if self._chosen else "no vehicle is heard yet")
         self._alarm.set_text(" · ".join(lines))
         self._alarm_bar.set_visibility(bool(lines))
         self._dismiss.set_visibility(bool(self._silent))
@@ -165,80 +194,67 @@ class Page:
         self._dismissed |= dict(self._silent)
         self.refresh()
 
-    def _show_chips(self, view: View) -> None:
+    def _show_fleet(self, view: View) -> None:
+        """Cards in the order of attention; one vehicle alone needs no fleet view."""
+        cards = view.cards[:MOST_CARDS] if len(view.cards) > 1 else []
+        self._fleet.set_visibility(bool(cards))
+        if len(cards) != len(self._buttons):
+            self._fleet.clear()
+            with self._fleet:
+                if cards:
+                    heading("Fleet, first who needs attention")
+                self._buttons = [self._button(place) for place in range(len(cards))]
+        self._order = [one.name for one in cards]
         shown = view.vehicle.name if view.vehicle else None
-        chips = [(name, verdict, silent, name == shown) for name, verdict, silent in view.names[:MOST_CHIPS]]
-        if chips == self._chips:
-            return
-        self._chips = chips
-        self._chip_row.clear()
-        with self._chip_row:
-            for name, verdict, silent, chosen in chips:
-                look = f"chip is-{verdict if verdict in words.VERDICTS else 'unknown'}"
-                look += (" is-silent" if silent else "") + (" is-chosen" if chosen else "")
-                button = ui.element("button").classes(look).props("data-field=chip")
-                button.on("click", lambda name=name: self._choose(name))
-                with button:
-                    ui.label(name)
+        for (button, inside), shown_card in zip(self._buttons, cards, strict=True):
+            inside.set_content(card_html(shown_card))
+            chosen = shown_card.name == shown
+            button.classes(add="is-chosen" if chosen else "", remove="" if chosen else "is-chosen")
+            button.props(f"aria-pressed={'true' if chosen else 'false'}")
+
+    def _button(self, place: int) -> tuple[Any, Any]:
+        button = ui.element("button").props("data-field=chip type=button").classes("fleet-button")
+        button.on("click", lambda: self._choose(self._order[place]))
+        with button:
+            return button, ui.html("", tag="span", sanitize=False).classes("fleet-card")
 
     def _choose(self, name: str) -> None:
         self._chosen = name
-        self._charts_due_s = 0.0
+        self._charts_due_s = self._fleet_due_s = 0.0
         self.refresh()
 
     def _show_now(self, vehicle: Vehicle, silent: bool) -> None:
         estimate, decision, health = vehicle.estimate, vehicle.decision, vehicle.health
-        verdict = "unknown" if silent else words.look(decision, health)
-        self._verdict.set_text(words.SILENT if silent else words.verdict(decision, health))
-        self._verdict.classes(replace=f"verdict is-{verdict}")
-        self._against.set_text(
-            words.SAID_LAST if silent else _lines(words.against(decision, estimate, health))
+        look = "unknown" if silent else words.look(decision, health, estimate)
+        self._sign.set_text(words.SIGNS["silent" if silent else look])
+        self._verdict.set_text(words.SILENT if silent else words.verdict(decision, health, estimate))
+        self._verdict_bar.classes(replace=f"verdict-bar is-{look}")
+        self._name.set_text(words.clipped(vehicle.name))
+        lines = words.against(decision, estimate, health)
+        self._against.set_text(words.SAID_LAST if silent else lines_of(lines) or "nothing against it")
+        self._status.set_content(
+            "".join(
+                f"<span{' class=bad' if bad else ''}>{escape(words.clipped(text))}</span>"
+                for text, bad in words.status(estimate, health)
+            )
         )
         figures = words.figures(estimate)
+        figures["armed"], figures["mode"] = words.flying(health)
         self._inclination.set_text(figures["inclination_deg"])
         self._slopes.set_text(figures["slopes"])
-        for name, label in self._figures.items():
-            label.set_text(figures[name])
+        for name, figure in self._figures.items():
+            figure.set_text(words.clipped(figures[name]))
         if estimate is not None:
             self._frame.set_text(
                 f"frame {estimate.frame}: {words.clipped(estimate.status)}, {estimate.features} tracks,"
                 f" {vehicle.rate_hz:.1f} estimates/s"
             )
-        self._scene.set_content(scene_svg(estimate, verdict))
-
-    def _show_permission(self, vehicle: Vehicle) -> None:
-        self._permission.set_text(words.clipped(words.permission(vehicle.decision)))
-        self._command.set_text(words.clipped(words.command(vehicle.decision)))
-
-    def _show_health(self, vehicle: Vehicle, now_s: float) -> None:
-        health = vehicle.health
-        self._health.set_text(words.DASH if health is None else words.clipped(health.state))
-        self._health.classes(replace="figure" if health is None or health.state == "ok" else "figure bad")
-        self._problems.set_text("" if health is None else _lines(health.problems))
-        self._clock.set_text(words.clock(health))
-        heard = words.DASH if vehicle.heard_s is None else f"{max(0.0, now_s - vehicle.heard_s):.1f} s ago"
-        self._traffic.set_text(
-            f"last heard {heard}; received {vehicle.received.total()}, frames missed {vehicle.missed},"
-            f" not understood {vehicle.refused}, dropped here {self._feed.dropped}"
-        )
-        if health is not None:
-            self._counters.set_text(
-                ", ".join(f"{k} {v}" for k, v in list(health.counters.items())[:MOST_INPUTS])
-            )
-            self._show_inputs(health)
-
-    def _show_inputs(self, health: Health) -> None:
-        cells: list[tuple[str, bool]] = []
-        for name, found in list(health.inputs.items())[:MOST_INPUTS]:
-            state, rate, age, count = words.input_line(found)
-            cells += [(f"{name}: {state}", found.state != "ok"), (rate, False), (age, False), (count, False)]
-        if len(cells) != len(self._inputs):
-            self._input_grid.clear()
-            with self._input_grid:
-                self._inputs = [ui.label() for _ in cells]
-        for label, (text, bad) in zip(self._inputs, cells, strict=True):
-            label.set_text(words.clipped(text))
-            label.classes(add="bad" if bad else "", remove="" if bad else "bad")
+        self._scene.set_content(scene_svg(estimate, look))
+        drawn = ground_svg(vehicle.ground, vehicle.ground_map)
+        self._ground_card.set_visibility(bool(drawn))
+        self._ground.set_content(drawn)
+        self._permission.set_text(words.clipped(words.permission(decision)))
+        self._command.set_text(words.clipped(words.command(decision)))
 
     def _show_events(self, events: list[Event]) -> None:
         lines = [
@@ -251,34 +267,34 @@ class Page:
         if preview is None or vehicle.picture is self._shown_picture:
             return
         self._shown_picture = vehicle.picture
-        self._preview.set_source("data:image/jpeg;base64," + base64.b64encode(vehicle.picture).decode())
-        self._preview.set_content(
+        source = "data:image/jpeg;base64," + base64.b64encode(vehicle.picture).decode()
+        self._picture.props(f'src="{source}" alt="camera of the vehicle"')
+        self._overlay.set_content(
             f'<svg width="100%" height="100%" viewBox="0 0 {preview.width} {preview.height}"'
-            f' preserveAspectRatio="none">{tracks_svg(preview)}</svg>'
+            f' preserveAspectRatio="none" aria-hidden="true">{tracks_svg(preview)}</svg>'
         )
         self._preview_words.set_text(counts(preview))
 
+    def _look_back(self, event: Any) -> None:
+        given = event.args
+        back_s = -float(given) if isinstance(given, int | float) else 0.0
+        self._back_s = min(max(back_s, 0.0), self._watch.options.history_s)
+        self._charts_due_s = 0.0
+
+    def _look_at_now(self) -> None:
+        self._back_s = self._charts_due_s = 0.0
+        ui.run_javascript("document.querySelector('.look-back').value = 0")
+
     def _show_charts(self, vehicle: Vehicle, now_s: float) -> None:
+        options = self._watch.options
         with self._watch.lock:
-            points = list(vehicle.points)
+            points, limits = list(vehicle.points), vehicle.limits
+        end_s, span_s = now_s - self._back_s, options.chart_s
+        self._timeline.set_content(
+            timeline_svg(points, now_s, options.history_s, (self._back_s + span_s, self._back_s))
+        )
+        words_back = "now" if not self._back_s else in_words(at(points, end_s), self._back_s)
+        self._back.set_text(words_back)
         for chart in CHARTS:
-            element = self._charts[chart.name]
-            data = series_of(chart, points, now_s, self._watch.options.history_s)
-            for series, values in zip(element.options["series"], data, strict=True):
-                series["data"] = values
-            element.update()
-
-
-def _lines(texts: Sequence[str]) -> str:
-    return "\n".join(words.clipped(text) for text in texts[:MOST_WORDS])
-
-
-def _label(look: str, field: str) -> ui.label:
-    return ui.label().classes(look).props(f"data-field={field}")
-
-
-def _card(title: str) -> ui.element:
-    section = ui.element("section").classes("card")
-    with section:
-        ui.label(title).classes("card-title")
-    return section
+            content = chart_svg(chart, points, end_s, span_s, limits.get(chart.limit), self._back_s)
+            self._charts[chart.name].set_content(content)

@@ -17,7 +17,7 @@ EYE = np.array((-3.4, 1.7, -1.15))
 LOOK_AT = np.array((0.0, 0.0, 0.55))
 FOCAL = 440.0
 ARM = 0.34
-COLOURS = {"fit": "#00702e", "unfit": "#b3001b", "unknown": "#4a4a4a"}
+COLOURS = {"fit": "#008a3a", "unfit": "#d4152f", "unknown": "#7a7a7a", "caution": "#c79400"}
 
 
 def scene_svg(estimate: Estimate | None, verdict: str) -> str:
@@ -96,10 +96,12 @@ def _vehicle(roll: float, pitch: float) -> str:
     for tip in tips:
         disc = tip + 0.6 * ARM * np.stack((np.cos(turn), np.sin(turn), 0 * turn), axis=1)
         ring = " ".join(f"{x:.1f},{y:.1f}" for x, y in project(disc @ level_from_body.T))
-        parts.append(
-            f'<polygon points="{ring}" fill="#ffffff" fill-opacity="0.6" stroke="#111" stroke-width="2"/>'
-        )
-    for bar, look in ((tips[::2], ("#111", 4)), (tips[1::2], ("#111", 4)), (nose, ("#0050c8", 6))):
+        parts.append(f'<polygon points="{ring}" class="rotor" stroke-width="2"/>')
+    for bar, look in (
+        (tips[::2], ("currentColor", 4)),
+        (tips[1::2], ("currentColor", 4)),
+        (nose, ("#2f7de0", 6)),
+    ):
         (x0, y0), (x1, y1) = project(bar @ level_from_body.T)
         colour, width = look
         parts.append(

@@ -32,6 +32,7 @@ def application(watch: Watch, feed: Feed, token: str | None, *, secure: bool) ->
         title="landslope",
         favicon=_icon(),
         tailwind=False,
+        language="en-US",
         message_history_length=RESENT_AFTER_A_GAP,
         show_welcome_message=False,
     )

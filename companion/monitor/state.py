@@ -4,6 +4,9 @@ import threading
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
+
+import msgspec
 
 from companion.messages.messages import Decision, Estimate, Event, Health
 from companion.messages.preview import Preview
@@ -12,14 +15,42 @@ from companion.monitor.options import MonitorOptions
 from drivers.bus import Delivery
 
 RATE_WINDOW_S = 2.0
+GROUND = "ground"
+VERDICTS = ("fit", "unfit", "unknown")
 
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """One point of the charts; ``time_s`` on the monitor's own clock."""
+    """What the charts and the timeline keep of a moment; ``time_s`` on the monitor's own clock."""
 
     time_s: float
-    estimate: Estimate
+    verdict: str
+    inclination_deg: float | None
+    inclination_std_deg: float | None
+    height_m: float | None
+    height_std_m: float | None
+    time_to_contact_s: float | None
+    ventral_flow_x: float | None
+    ventral_flow_y: float | None
+    roughness: float | None
+    roughness_std: float | None
+
+
+def point_of(time_s: float, verdict: str, e: Estimate) -> Point:
+    """The point of an estimate."""
+    return Point(
+        time_s,
+        verdict,
+        e.inclination_deg,
+        e.inclination_std_deg,
+        e.height_m,
+        e.height_std_m,
+        e.time_to_contact_s,
+        e.ventral_flow_x,
+        e.ventral_flow_y,
+        e.roughness,
+        e.roughness_std,
+    )
 
 
 @dataclass(slots=True)
@@ -37,6 +68,12 @@ class Vehicle:
     health: Health | None = None
     preview: Preview | None = None
     picture: bytes = b""
+    ground: dict[str, Any] | None = None
+    """The newest ground message."""
+    ground_map: dict[str, Any] | None = None
+    """The newest one that has a map."""
+    limits: dict[str, float] = field(default_factory=dict)
+    """Limits of the decision from the vehicle's own settings, where it has answered."""
     events: deque[Event] = field(default_factory=deque)
     points: deque[Point] = field(default_factory=deque)
     received: Counter[str] = field(default_factory=Counter)
@@ -59,6 +96,7 @@ class Watch:
         """Deliveries of vehicles beyond the most that are kept."""
         self.listeners: list[Callable[[str, object], None]] = []
         """Called with (vehicle, message) for every message that was taken."""
+        self._ground_decoder: msgspec.json.Decoder[dict[str, Any]] = msgspec.json.Decoder(dict[str, Any])
 
     def take(self, delivery: Delivery, now_s: float) -> None:
         """Take in one delivery; what cannot be understood is counted and passed over."""
@@ -70,6 +108,9 @@ class Watch:
                     return
             if delivery.alive is not None:
                 vehicle.alive = delivery.alive
+                return
+            if delivery.topic == GROUND:
+                self._take_ground(vehicle, delivery, now_s)
                 return
             message = self._decoded(delivery)
             if message is None:
@@ -126,6 +167,21 @@ class Watch:
             return None
         return received(delivery.topic, raw, self.options.max_message_bytes)
 
+    def _take_ground(self, vehicle: Vehicle, delivery: Delivery, now_s: float) -> None:
+        if len(delivery.payload) > self.options.max_message_bytes:
+            vehicle.refused += 1
+            return
+        try:
+            found = self._ground_decoder.decode(delivery.payload)
+        except (msgspec.MsgspecError, RecursionError):
+            vehicle.refused += 1
+            return
+        vehicle.heard_s = now_s
+        vehicle.received[GROUND] += 1
+        vehicle.ground = found
+        if isinstance(found.get("map"), dict):
+            vehicle.ground_map = found
+
     def _store(
         self,
         vehicle: Vehicle,
@@ -143,7 +199,9 @@ class Watch:
                 vehicle.estimate = message
                 vehicle.rate_count += 1
                 if not vehicle.points or now_s - vehicle.points[-1].time_s >= 1 / self.options.history_hz:
-                    vehicle.points.append(Point(now_s, message))
+                    verdict = vehicle.decision.verdict if vehicle.decision else "unknown"
+                    known = verdict if verdict in VERDICTS else "unknown"
+                    vehicle.points.append(point_of(now_s, known, message))
             case Decision():
                 vehicle.decision = message
             case Health():

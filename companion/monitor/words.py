@@ -9,9 +9,16 @@ LARGEST_PLAIN = 1e6
 """Larger numbers are written with a power of ten."""
 LONGEST_TEXT = 400
 LATE_SHOWN_S = 0.003
-COMPASS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
+COMPASS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
 FORBIDDEN = "NO LANDING"
+UNCALIBRATED = "the camera is not calibrated"
+FAULTY = "FIT, WITH FAULTS"
 VERDICTS = {"fit": "FIT TO LAND", "unfit": "NOT FIT", "unknown": "UNKNOWN"}
+SIGNS = {"fit": "\u2714", "unfit": "\u2716", "unknown": "?", "caution": "!", "silent": "!"}
+"""A shape for each verdict, for those who do not see the colours."""
+STALE = ("stale", "missing")
+MOST_STALE = 4
+CONTACT_SHOWN_S = 60.0
 
 
 def number(value: float | None, digits: int, unit: str = "") -> str:
@@ -37,20 +44,22 @@ def with_spread(value: float | None, std: float | None, digits: int, unit: str) 
     )
 
 
+FIGURES = (
+    "inclination_deg",
+    "height_m",
+    "time_to_contact_s",
+    "ventral_flow",
+    "roughness",
+    "slopes",
+    "downhill_bearing_deg",
+    "attitude",
+)
+
+
 def figures(e: Estimate | None) -> dict[str, str]:
     """The large numbers by field name."""
     if e is None:
-        return dict.fromkeys(
-            (
-                "inclination_deg",
-                "time_to_contact_s",
-                "ventral_flow",
-                "roughness",
-                "slopes",
-                "downhill_bearing_deg",
-            ),
-            DASH,
-        )
+        return dict.fromkeys(FIGURES, DASH)
     flow = (
         DASH
         if e.ventral_flow_x is None or e.ventral_flow_y is None
@@ -58,12 +67,31 @@ def figures(e: Estimate | None) -> dict[str, str]:
     )
     return {
         "inclination_deg": with_spread(e.inclination_deg, e.inclination_std_deg, 1, "°"),
-        "time_to_contact_s": number(e.time_to_contact_s, 1, " s"),
+        "height_m": with_spread(e.height_m, e.height_std_m, 1, " m"),
+        "time_to_contact_s": contact(e.time_to_contact_s),
         "ventral_flow": flow,
         "roughness": with_spread(e.roughness, e.roughness_std, 4, ""),
         "slopes": slopes(e),
         "downhill_bearing_deg": bearing(e.downhill_bearing_deg),
+        "attitude": attitude(e.roll_deg, e.pitch_deg),
     }
+
+
+def contact(seconds: float | None) -> str:
+    """The time to contact as far as it means something."""
+    if seconds is None:
+        return DASH
+    if seconds < 0:
+        return "moving away"
+    return number(seconds, 1, " s") if seconds <= CONTACT_SHOWN_S else "over a minute"
+
+
+def attitude(roll_deg: float | None, pitch_deg: float | None) -> str:
+    """The vehicle's roll and pitch."""
+    if roll_deg is None or pitch_deg is None:
+        return DASH
+    side, end = ("right" if roll_deg > 0 else "left"), ("up" if pitch_deg > 0 else "down")
+    return f"roll {abs(roll_deg):.0f}° {side}, nose {abs(pitch_deg):.0f}° {end}"
 
 
 def slopes(e: Estimate) -> str:
@@ -78,35 +106,80 @@ def slopes(e: Estimate) -> str:
 
 
 def bearing(degrees: float | None) -> str:
-    """A bearing with its compass point."""
+    """A compass point, and the bearing it was made of."""
     if degrees is None:
         return DASH
-    return f"{degrees % 360:.0f}° {COMPASS[round(degrees % 360 / 45) % len(COMPASS)]}"
+    return f"{COMPASS[round(degrees % 360 / 45) % len(COMPASS)]} ({round(degrees) % 360}°)"
 
 
-def verdict(decision: Decision | None, health: Health | None = None) -> str:
-    """The verdict in capitals; a fit surface on which something forbids a landing is no invitation to land."""
+def forbidding(health: Health | None) -> list[str]:
+    """What forbids a landing whatever the surface is like, in words."""
+    return [] if health is None else [c.text for c in health.conditions if c.forbids_landing]
+
+
+def verdict(decision: Decision | None, health: Health | None = None, estimate: Estimate | None = None) -> str:
+    """The verdict in capitals; a fit surface where something forbids a landing is no invitation to land."""
     if decision is None:
         return VERDICTS["unknown"]
-    if decision.verdict == "fit" and look(decision, health) != "fit":
-        return FORBIDDEN
+    if decision.verdict == "fit":
+        return {"fit": VERDICTS["fit"], "caution": FAULTY}.get(look(decision, health, estimate), FORBIDDEN)
     return VERDICTS.get(decision.verdict, decision.verdict.upper())
 
 
-def look(decision: Decision | None, health: Health | None) -> str:
-    """As what the verdict is coloured: "fit" only where no standing condition forbids a landing."""
+def look(decision: Decision | None, health: Health | None, estimate: Estimate | None = None) -> str:
+    """The colour of the verdict: "fit" only while nothing at all is wrong with the vehicle."""
     if decision is None or decision.verdict not in VERDICTS:
         return "unknown"
-    forbidden = health is not None and any(c.forbids_landing for c in health.conditions)
-    return "unknown" if forbidden and decision.verdict == "fit" else decision.verdict
+    if decision.verdict != "fit":
+        return decision.verdict
+    uncalibrated = estimate is not None and not estimate.calibrated
+    if uncalibrated or forbidding(health) or (health is not None and health.state not in ("ok", "degraded")):
+        return "unknown"
+    return "fit" if health is None or health.state == "ok" else "caution"
+
+
+def battery(health: Health | None) -> str:
+    """The battery's charge where it is known."""
+    percent = getattr(health, "battery_percent", None)
+    return "" if percent is None else f"battery {percent:.0f} %"
+
+
+def status(estimate: Estimate | None, health: Health | None) -> list[tuple[str, bool]]:
+    """What is uncalibrated, stale or recording, one text each; True: something is wrong."""
+    parts: list[tuple[str, bool]] = []
+    if estimate is not None:
+        parts.append(("camera calibrated", False) if estimate.calibrated else ("camera NOT CALIBRATED", True))
+    if health is None:
+        return [*parts, ("no health yet", True)]
+    stale = [
+        f"{name.replace('_', ' ')} {found.state}"
+        for name, found in health.inputs.items()
+        if found.state in STALE
+    ]
+    parts += [(text, True) for text in stale[:MOST_STALE]] or [("all inputs fresh", False)]
+    if health.recording is not None:
+        parts.append(("recording", False) if health.recording else ("not recording", False))
+    return parts
+
+
+def flying(health: Health | None) -> tuple[str, str]:
+    """(armed or not, flight mode)."""
+    if health is None:
+        return DASH, DASH
+    armed = DASH if health.armed is None else "ARMED" if health.armed else "disarmed"
+    return armed, health.mode or DASH
 
 
 def against(decision: Decision | None, estimate: Estimate | None, health: Health | None = None) -> list[str]:
     """What stands against landing now, in words: first what forbids it whatever the surface."""
     if decision is None:
         return ["no decision has come yet"]
-    forbidding = [] if health is None else [c.text for c in health.conditions if c.forbids_landing]
-    found = [*forbidding, *(reason for reason in decision.reasons if reason not in forbidding)]
+    forbidden = forbidding(health)
+    if decision.verdict == "fit" and health is not None:
+        forbidden += [problem for problem in health.problems if problem not in forbidden]
+    if estimate is not None and not estimate.calibrated and UNCALIBRATED not in forbidden:
+        forbidden.append(UNCALIBRATED)
+    found = [*forbidden, *(reason for reason in decision.reasons if reason not in forbidden)]
     if estimate is not None and estimate.status != "ok":
         line = f"no estimate: {estimate.status}"
         if line not in found and estimate.status not in " ".join(found):

@@ -11,7 +11,14 @@ from companion.errors import LandslopeError
 from companion.messages.messages import Decision, Event, Message, encode
 
 PLACEHOLDER = "{flight}"
-ENDINGS = {"out": ".jsonl", "events": ".events.jsonl", "plot": ".png", "video": ".webm", "report": ".html"}
+ENDINGS = {
+    "out": ".jsonl",
+    "ground": ".ground.jsonl",
+    "events": ".events.jsonl",
+    "plot": ".png",
+    "video": ".webm",
+    "report": ".html",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,6 +26,7 @@ class Outputs:
     """The files of one flight; None: not wanted."""
 
     out: Path | None = None
+    ground: Path | None = None
     events: Path | None = None
     plot: Path | None = None
     video: Path | None = None
@@ -28,7 +36,9 @@ class Outputs:
     def paths(self) -> list[Path]:
         """Those that are wanted."""
         return [
-            path for path in (self.out, self.events, self.plot, self.video, self.report) if path is not None
+            path
+            for path in (self.out, self.ground, self.events, self.plot, self.video, self.report)
+            if path is not None
         ]
 
 
@@ -43,7 +53,7 @@ def names_of(flights: Sequence[Path]) -> list[str]:
 
 
 def outputs_for(name: str, wanted: dict[str, str | None], several: bool) -> Outputs:
-    """The files of one flight for the option values of ``--out``, ``--events``, ``--plot`` and so on.
+    """The files of one flight for the option values of ``--out``, ``--ground``, ``--events`` and so on.
 
     A directory (it exists, or the value ends in a slash) takes ``FLIGHT.jsonl`` and so on; ``{flight}``
     stands for the flight's name. With several flights a plain file name is refused.

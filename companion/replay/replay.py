@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 import cv2
 
 from companion.core.core import Core, LandRequest, Output, Processed
+from companion.errors import LandslopeError
 from companion.messages.messages import Decision, Message, topic_of
 from companion.replay.history import History
 from companion.replay.output import LineFile, Outputs
@@ -67,6 +68,7 @@ class ReplayJob:
     publish: bool = False
     realtime: bool = False
     enable_after_s: float | None = None
+    enable_from_rc: bool = False
     connect: str | None = None
 
 
@@ -81,7 +83,7 @@ def replay(job: ReplayJob, progress: Progress = lambda done, total: None) -> str
     with ExitStack() as stack:
         run = _Run(job, source, stack, progress)
         damage = run.all()
-        text = summary(job.name, run.history, source.settings.decision, run.pace)
+        text = summary(job.name, run.history, source.settings.decision, run.pace, source.cautions)
         if run.report is not None and job.outputs.report is not None:
             write_report(job.name, run.history, source.settings, run.report, job.outputs.report)
     if job.outputs.plot is not None:
@@ -103,15 +105,22 @@ class _Run:
         self._progress = progress
         self._frames = 0
         self._last_decision: Decision | None = None
+        if job.enable_from_rc:
+            _check_switch(source)
         self._core = Core(
-            source.settings, source.camera, calibrated=source.calibrated, telemetry=source.telemetry
+            source.settings,
+            source.camera,
+            calibrated=source.calibrated,
+            telemetry=source.telemetry,
+            by_pilot=job.enable_from_rc,
         )
         outputs = job.outputs
         self._out = LineFile(outputs.out) if outputs.out else None
+        self._ground = LineFile(outputs.ground) if outputs.ground else None
         self._events = LineFile(outputs.events) if outputs.events else None
         self._video = OverlayWriter(outputs.video, source.camera) if outputs.video else None
         self.report = ReportRecorder(source.camera) if outputs.report else None
-        for file in (self._out, self._events, self._video, self.report):
+        for file in (self._out, self._ground, self._events, self._video, self.report):
             if file:
                 stack.callback(file.close)
         self._publisher, self._preview = _published(job, source, stack)
@@ -182,6 +191,8 @@ class _Run:
         self.history.add(message)
         if self._out and topic_of(message) == "estimate":
             self._out.message(message)
+        if self._ground and topic_of(message) == "ground":
+            self._ground.message(message)
         if self._events:
             self._events.event(message, self._last_decision)
         if isinstance(message, Decision):
@@ -198,6 +209,16 @@ class _Run:
         while self._autopilot and self._autopilot.busy:
             time.sleep(FOLLOW_POLL_S)
             self._take_answers()
+
+
+def _check_switch(source: ReplaySource) -> None:
+    """LandslopeError where the settings name no switch of the pilot's."""
+    landing = source.settings.landing
+    if not landing.enable_rc_channel and not landing.enable_modes:
+        raise LandslopeError(
+            "--enable-from-rc: the settings name no switch; --set landing.enable_rc_channel=CHANNEL, or "
+            "landing.enable_modes"
+        )
 
 
 def _published(

@@ -14,6 +14,8 @@ from drivers.samples import Sample
 from landing.vision.camera import CameraModel
 
 SETTINGS_FILE = "landslope.toml"
+ATTITUDES_A_GAP = 2
+"""Attitudes that must come within sync.attitude_max_gap_s, so that the loss of one is bridged."""
 FLIGHT_FILES = ("frames.csv", "vehicle.tlog", SETTINGS_FILE)
 
 
@@ -42,13 +44,31 @@ class ReplaySource:
     telemetry: bool
     frame_count: int | None
     samples: Callable[[], Iterator[Sample]]
+    cautions: tuple[str, ...] = ()
+    """What of the recording is unfit for a good replay, in words."""
+
+
+def flights_in(path: Path) -> list[Path]:
+    """The flight itself, or the flight folders in a folder of flights, by name; LandslopeError if it cannot be read."""
+    if not path.is_dir() or _is_flight(path):
+        return [path]
+    try:
+        children = sorted(path.iterdir())
+        flights = [child for child in children if child.is_dir() and _is_flight(child)]
+    except OSError as error:
+        raise LandslopeError(f"{path}: cannot be read: {error.strerror}; check its rights") from None
+    return flights or [path]
+
+
+def _is_flight(path: Path) -> bool:
+    return any((path / name).exists() for name in FLIGHT_FILES)
 
 
 def open_source(
     path: Path, config: Path | None, overrides: tuple[str, ...], plain: PlainCamera
 ) -> ReplaySource:
     """Open a flight folder, a video file or a folder of images."""
-    if path.is_dir() and any((path / name).exists() for name in FLIGHT_FILES):
+    if path.is_dir() and _is_flight(path):
         return _flight(path, config, overrides, plain)
     return _pictures(path, config, overrides, plain)
 
@@ -69,7 +89,17 @@ def _flight(path: Path, config: Path | None, overrides: tuple[str, ...], plain: 
         path, system_id=settings.vehicle.system_id, component_id=settings.mavlink.autopilot_component
     )
     camera, calibrated = camera_model(settings.camera, folder.width, folder.height)
-    return ReplaySource(settings, camera, calibrated, True, folder.frame_count, folder.samples)
+    cautions = tuple(_cautions(folder, settings))
+    return ReplaySource(settings, camera, calibrated, True, folder.frame_count, folder.samples, cautions)
+
+
+def _cautions(folder: FlightFolder, settings: Settings) -> Iterator[str]:
+    gap_s, rate_hz = settings.sync.attitude_max_gap_s, folder.attitude_hz
+    if rate_hz and rate_hz * gap_s < ATTITUDES_A_GAP:
+        yield (
+            f"attitude was recorded at {rate_hz:.2g} Hz, as a telemetry radio carries it: the slope to gravity needs "
+            f"{ATTITUDES_A_GAP / gap_s:.0f} Hz or more; record on the companion (record.directory)"
+        )
 
 
 def _pictures(

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +23,8 @@ PARTLY = (0.2, 0.7)
 """Shares of the frames: fewer rough ones make an even surface, more an uneven one."""
 KNOWN_SHARE = 0.3
 TROUBLE_SHOWN = 8
+TROUBLE_REPEATED = 3
+"""An event that came more often is one line with its count."""
 REFUSED = "refused "
 NOT_ENABLED = "landing is not enabled"
 LABEL_WIDTH = 11
@@ -94,24 +96,27 @@ def stretches(history: History, limits: DecisionOptions) -> list[Stretch]:
     return found
 
 
-def summary(name: str, history: History, limits: DecisionOptions, pace: Pace) -> str:
-    """The summary of one flight, several lines."""
+def summary(
+    name: str, history: History, limits: DecisionOptions, pace: Pace, cautions: Sequence[str] = ()
+) -> str:
+    """The summary of one flight, several lines; ``cautions`` are what the recording lacks."""
     estimates = history.estimates
     head = f"{name}: {len(estimates)} frames in {history.duration_s:.1f} s"
     if pace.computing_s > 0 and estimates:
         factor = history.duration_s / pace.computing_s
         head += f", replayed in {pace.elapsed_s:.1f} s"
         head += f"; computing took {pace.computing_s:.1f} s of one core: {factor:.1f} times real time"
-    return "\n".join([head, *(f"  {line}" for line in _body(history, limits))])
+    return "\n".join([head, *(f"  {line}" for line in _body(history, limits, cautions))])
 
 
-def _body(history: History, limits: DecisionOptions) -> Iterator[str]:
+def _body(history: History, limits: DecisionOptions, cautions: Sequence[str]) -> Iterator[str]:
     estimates = history.estimates
     if not estimates:
         yield "no frame could be used"
         yield from _refusals(history)
         return
     yield from _labelled("estimates", [share_line(history)])
+    yield from _labelled("caution", list(cautions))
     if not all(e.calibrated for e in estimates):
         yield from _labelled("caution", ["uncalibrated camera: slopes are only roughly right"])
     good = [e for e in estimates if e.status == "ok"]
@@ -185,10 +190,19 @@ def _refusals(history: History) -> Iterator[str]:
 
 def _trouble(history: History) -> Iterator[str]:
     told = [t for t in history.events if t[1].severity != "info" and t[1].event not in LANDING_EVENTS]
-    for at_s, event in told[:TROUBLE_SHOWN]:
-        yield f"{at_s:5.1f} s  {event.text}"
-    if len(told) > TROUBLE_SHOWN:
-        yield f"and {len(told) - TROUBLE_SHOWN} more: --events FILE.jsonl has all of them"
+    often = Counter(event.event for _, event in told)
+    shown: Counter[str] = Counter()
+    lines = []
+    for at_s, event in told:
+        shown[event.event] += 1
+        if often[event.event] <= TROUBLE_REPEATED:
+            lines.append(f"{at_s:5.1f} s  {event.text}")
+        elif shown[event.event] == 1:
+            name = event.event.replace("_", " ")
+            lines.append(f"{at_s:5.1f} s  {event.text} ({name} {often[event.event]} times)")
+    yield from lines[:TROUBLE_SHOWN]
+    if len(told) > min(len(lines), TROUBLE_SHOWN):
+        yield f"{len(told)} in all: --events FILE.jsonl has them"
 
 
 def _middle(inclination: np.ndarray) -> float:

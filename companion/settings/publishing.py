@@ -9,10 +9,16 @@ from landing.options import Limits
 
 @dataclass(frozen=True, slots=True)
 class VehicleSettings:
-    """The vehicle's names."""
+    """The vehicle's names and its size."""
 
     name: Annotated[str, Meaning("vehicle name in the zenoh keys landslope/NAME/...")] = "vehicle1"
     system_id: Annotated[int, Limits(0, 255, "", "MAVLink system id; 0: the only vehicle on the link")] = 0
+    landing_radius_m: Annotated[
+        float, Limits(0.1, 2, "m", "radius of the disc of ground that the vehicle stands on")
+    ] = 0.5
+    max_step_m: Annotated[
+        float, Limits(0.01, 1, "m", "largest step within that disc that the vehicle can stand on")
+    ] = 0.05
 
 
 @dataclass(frozen=True, slots=True)

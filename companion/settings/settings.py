@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from companion.settings.marks import FilePath, Meaning, UserSettings
 from companion.settings.publishing import PreviewSettings, VehicleSettings, ZenohSettings
-from landing.options import DecisionOptions, EstimatorOptions, Limits, TrackingOptions
+from landing.options import DecisionOptions, EstimatorOptions, GroundOptions, Limits, TrackingOptions
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +23,15 @@ class CameraSettings:
         float, Limits(10, 150, "deg", "field of view across the image assumed without a calibration")
     ] = 60.0
     time_offset_s: Annotated[float, Limits(-0.5, 0.5, "s", "delay of the frames' time stamps")] = 0.0
+    readout_s: Annotated[
+        float | Literal["unknown"],
+        Limits(
+            -0.1,
+            0.1,
+            "s",
+            "rolling shutter, first row to last; 0: global shutter, negative: last row first; unknown: estimated",
+        ),
+    ] = "unknown"
     width: Annotated[int, Limits(0, 4096, "px", "requested image width; 0: the camera's default")] = 0
     height: Annotated[int, Limits(0, 4096, "px", "requested image height; 0: the camera's default")] = 0
     rate_hz: Annotated[float, Limits(0, 240, "Hz", "requested frame rate; 0: the camera's default")] = 0.0
@@ -324,3 +333,13 @@ class Settings:
     landing: LandingSettings = field(default_factory=LandingSettings)
     record: RecordSettings = field(default_factory=RecordSettings)
     preview: PreviewSettings = field(default_factory=PreviewSettings)
+
+    @property
+    def ground(self) -> GroundOptions:
+        """The ground map's options: what the vehicle can stand on, and the decision's limits."""
+        return GroundOptions(
+            landing_radius_m=self.vehicle.landing_radius_m,
+            max_step_m=self.vehicle.max_step_m,
+            max_inclination_deg=self.decision.max_inclination_deg,
+            sigmas=self.decision.sigmas,
+        )

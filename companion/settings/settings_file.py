@@ -23,6 +23,7 @@ from companion.errors import SettingsError
 from companion.settings.marks import FilePath, UserSettings
 from companion.settings.moved import MOVED
 from companion.settings.settings import Settings
+from landing.decision.permission import AUTOMATIC_MODES
 from landing.options import Limits
 
 T = typing.TypeVar("T")
@@ -47,6 +48,10 @@ class Entry:
     def unit(self) -> str:
         """The unit, empty where there is none."""
         return self.limits.unit if self.limits else ""
+
+
+ENABLE_MODES = "landing.enable_modes"
+MODE_SETTINGS = frozenset({ENABLE_MODES, "landing.allowed_modes"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +179,8 @@ def type_name(entry: Entry) -> str:
         )
     names = {bool: "true or false", int: "an integer", float: "a number", str: "a string"}
     members = [t for t in _members(entry.type) if t is not type(None)]
-    return " or ".join(names.get(member, str(member)) for member in members)
+    words = (written(typing.get_args(t)[0]) if typing.get_origin(t) is Literal else None for t in members)
+    return " or ".join(word or names.get(t, str(t)) for word, t in zip(words, members, strict=True))
 
 
 def _entry(path: str, hint: Any, default: Any, internal: bool) -> Entry:
@@ -282,15 +288,39 @@ def _checked(known: dict[str, Entry], path: str, raw: Any, directory: Path) -> A
         near = _nearest(str(raw), [str(a) for a in typing.get_args(entry.type)])
         raise ValueError(f"{path} must be {type_name(entry)}, not {written(raw)}{near}") from None
     for number in value if isinstance(value, tuple) else (value,):
+        if isinstance(number, str):
+            continue
         if entry.limits and number is not None and not entry.limits.low <= number <= entry.limits.high:
             unit = f" {entry.unit}" if entry.unit else ""
             low, high = entry.limits.low, entry.limits.high
             raise ValueError(f"{path} = {written(number)} is outside its limits {low:g} to {high:g}{unit}")
         if isinstance(number, float) and not math.isfinite(number):
             raise ValueError(f"{path} = {number} is not a finite number")
+    if path in MODE_SETTINGS:
+        return _modes(path, value)
     if entry.is_file and value:
         return str((directory / Path(value).expanduser()).absolute())
     return value
+
+
+def _modes(path: str, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Flight modes by the names that heartbeats are read by; ValueError for one that no autopilot has."""
+    from drivers.mavlink.flight_modes import (  # pymavlink, for those who name modes
+        canonical_mode,
+        known_modes,
+    )
+
+    found = {name: canonical_mode(name) for name in names}
+    for name, mode in found.items():
+        if mode is None:
+            near = _nearest(name.upper(), sorted(known_modes()))
+            raise ValueError(f"{path}: {written(name)} is no flight mode of ArduPilot or PX4{near}")
+        if path == ENABLE_MODES and mode in AUTOMATIC_MODES:
+            raise ValueError(
+                f"{path}: {mode} is a mode that the autopilot enters by itself, so it enables nothing; "
+                "name one that the pilot chooses"
+            )
+    return tuple(mode for mode in found.values() if mode is not None)
 
 
 def _unknown(path: str, known: dict[str, Entry]) -> str:

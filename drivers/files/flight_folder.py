@@ -1,13 +1,14 @@
 """A recorded flight: camera.mkv, frames.csv, vehicle.tlog, camera.yaml and landslope.toml in one folder."""
 
 from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
 from heapq import merge
 from pathlib import Path
 
 from drivers.errors import DriverError
 from drivers.files.frame_table import FrameRow, read_frame_table
 from drivers.files.tlog import read_tlog
-from drivers.files.tlog_survey import STEP_US, ClockStep, survey_tlog
+from drivers.files.tlog_survey import STEP_US, ClockStep, Survey, survey_tlog
 from drivers.files.video_file import DEFAULT_FPS, Image, VideoFile
 from drivers.mavlink.telemetry import TelemetryDecoder
 from drivers.samples import Frame, Refusal, Sample
@@ -15,6 +16,10 @@ from drivers.samples import Frame, Refusal, Sample
 VIDEO, STAMPS, TELEMETRY = "camera.mkv", "frames.csv", "vehicle.tlog"
 GAP_MIN = 0.5
 """Share of a frame's period by which a gap in the presentation times must be longer, and rows may differ from it."""
+
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+ROUNDED_FROM = 10
+"""So many frames tell rounded stamps from repeated ones."""
 
 CALIBRATION, SETTINGS = "camera.yaml", "landslope.toml"
 
@@ -51,12 +56,36 @@ class FlightFolder:
                 f"{self._tlog}: nothing of vehicle {system_id} in it, but of {ids}; set vehicle.system_id"
             )
         self._steps = survey.steps
+        self.attitude_hz = survey.attitude_hz
+        """Rate of the attitudes recorded; 0: none."""
         self._table = read_frame_table(self.path / STAMPS, survey.steps)
         rows = list(self._table.rows.values())
         self.width, self.height = self.video.width, self.video.height
         self.frame_count = len(rows)
         self.start_us = min(rows[0].order_us, survey.first_us or rows[0].order_us)
+        self._check_overlap(survey)
         self.duration_s = (rows[-1].order_us - rows[0].order_us) * 1e-6
+
+    def _check_overlap(self, survey: Survey) -> None:
+        """DriverError where frames and telemetry were stamped at different times, or the stamps are rounded."""
+        times = [row.order_us for row in self._table.rows.values()]
+        first_us, last_us = min(times), max(times)
+        # both spans with the steps of the clock taken out
+        start_us, end_us = survey.first_us, survey.last_us - sum(step.size_us for step in survey.steps)
+        if survey.first_us and (last_us < start_us or first_us > end_us):
+            apart_s = (start_us - last_us if last_us < start_us else first_us - end_us) * 1e-6
+            order = "earlier" if last_us < start_us else "later"
+            raise DriverError(
+                f"{self.path}: video and telemetry do not overlap: {STAMPS} spans {_span(first_us, last_us)}, "
+                f"{TELEMETRY} {_span(start_us, end_us)}: the frames are {apart_s:.0f} s {order} (local time "
+                f"against UTC?); correct host_time_us, or replay {VIDEO} alone"
+            )
+        stamps = [row.stamp_us for row in self._table.rows.values()]
+        if len(stamps) > ROUNDED_FROM and len(set(stamps)) < len(stamps) / 2:
+            raise DriverError(
+                f"{self.path / STAMPS}: {len(stamps)} frames have {len(set(stamps))} different stamps, as {stamps[0]}: "
+                "a spreadsheet has rounded them; take the table as it was recorded"
+            )
 
     def samples(self) -> Iterator[Sample]:
         """Everything recorded, in the order in which it arrived; frames are decoded one at a time."""
@@ -141,6 +170,12 @@ class FlightFolder:
 def _is_step(step: ClockStep, delta_us: int) -> bool:
     """Whether two arrivals in a row stand on either side of a step of the clock."""
     return abs(delta_us - step.size_us) < STEP_US
+
+
+def _span(first_us: int, last_us: int) -> str:
+    """Two times in UTC."""
+    first, last = (EPOCH + timedelta(microseconds=us) for us in (first_us, last_us))
+    return f"{first:%Y-%m-%d %H:%M:%S} to {last:%Y-%m-%d %H:%M:%S} UTC"
 
 
 def _existing(path: Path) -> Path | None:

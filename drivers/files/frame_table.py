@@ -3,6 +3,7 @@
 import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
@@ -12,6 +13,8 @@ from drivers.files.tlog_survey import STEP_US, ClockStep
 from drivers.samples import Refusal
 
 COLUMNS = ("frame", "host_time_us")
+LARGEST = 2 * 10**17
+"""Frame numbers and stamps are smaller."""
 STEP_AGREEMENT_US = 200_000
 """How well a step of the frames' stamps must match one of the telemetry's to be the same."""
 
@@ -36,23 +39,26 @@ class FrameTable:
 def read_frame_table(path: Path, steps: Sequence[ClockStep] = ()) -> FrameTable:
     """Read frames.csv; ``steps`` are those of the telemetry's clock. DriverError if there is nothing to use in it."""
     try:
-        text = path.read_text(encoding="utf-8", errors="replace")
+        text = path.read_text(encoding="utf-8-sig", errors="replace")
     except OSError as error:
         raise DriverError(
             f"{path}: the frames' time stamps cannot be read ({error.strerror}); "
             "without them, replay the video file alone"
         ) from None
-    reader = csv.DictReader(text.replace("\0", "?").splitlines())
-    if not set(COLUMNS) <= set(reader.fieldnames or ()):
-        raise DriverError(f"{path}: the first line must name the columns {' and '.join(COLUMNS)}")
+    reader = csv.DictReader(text.replace("\0", "?").splitlines(), skipinitialspace=True)
+    reader.fieldnames = [name.strip() for name in reader.fieldnames or ()]
+    if not set(COLUMNS) <= set(reader.fieldnames):
+        raise DriverError(f"{path}: {_wrong_header(reader.fieldnames)}")
     stamps: dict[int, int] = {}
     bad: list[tuple[int, str, str]] = []
     last_us = 0
     for line in reader:
         try:
-            number, stamp_us = (int(line[column]) for column in COLUMNS)
-        except (ValueError, TypeError):
-            bad.append((last_us, "unreadable_row", f"line {reader.line_num} of {path.name}"))
+            if any(line.get(None) or ()):  # csv's key of what is too much
+                raise ValueError("it has more values than columns: a decimal comma?")
+            number, stamp_us = (_whole(line[column]) for column in COLUMNS)
+        except ValueError as error:
+            bad.append((last_us, "unreadable_row", f"line {reader.line_num} of {path.name}: {error}"))
             continue
         if number in stamps or number < 0 or stamp_us < 0:
             reason = "repeated_row" if number in stamps else "unreadable_row"
@@ -60,14 +66,36 @@ def read_frame_table(path: Path, steps: Sequence[ClockStep] = ()) -> FrameTable:
             continue
         stamps[number] = last_us = stamp_us
     if not stamps:
+        why = f" ({bad[0][2]})" if bad else ""
         raise DriverError(
-            f"{path}: no row with a frame and its time stamp; without them, replay the video alone"
+            f"{path}: no row with a frame and its time stamp{why}; host_time_us is a whole number of microseconds; "
+            "without them, replay the video alone"
         )
     first_us = next(iter(stamps.values()))
     refusals = tuple(
         Refusal(at_us or first_us, "frames.csv", reason, detail) for at_us, reason, detail in bad
     )
     return FrameTable(_ordered(stamps, steps), refusals)
+
+
+def _wrong_header(names: Sequence[str]) -> str:
+    """What is wrong with a first line."""
+    needed = " and ".join(COLUMNS)
+    for separator, word in ((";", "semicolons"), ("\t", "tabulators")):
+        if set(COLUMNS) <= {name.strip() for name in separator.join(names).split(separator)}:
+            return f"its values are separated by {word}: separate them by commas"
+    return f"the first line must name the columns {needed}"
+
+
+def _whole(text: str | None) -> int:
+    """A whole number, also as spreadsheets write it (12.0, 1.2e3); ValueError, in words, for anything else."""
+    try:
+        value = Decimal(str(text).strip())
+        if value.is_finite() and abs(value) < LARGEST and value == value.to_integral_value():
+            return int(value)
+    except InvalidOperation:
+        raise ValueError(f"{text!r} is no number") from None
+    raise ValueError(f"{text} is no whole number (of microseconds: are these seconds?)")
 
 
 def _ordered(stamps: dict[int, int], steps: Sequence[ClockStep]) -> dict[int, FrameRow]:

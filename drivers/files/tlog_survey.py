@@ -11,6 +11,8 @@ from drivers.mavlink.telemetry import MESSAGE_IDS
 _BOOT_TIMED = {30, 31, 32}
 """ATTITUDE, ATTITUDE_QUATERNION, LOCAL_POSITION_NED: time_boot_ms is the first field on the wire."""
 
+_ATTITUDES = {30, 31}
+
 STEP_US = 500_000
 """A smaller step of the recording clock is left to whoever relates the clocks: it cannot disturb the order."""
 
@@ -35,6 +37,8 @@ class Survey:
     steps: tuple[ClockStep, ...]
     first_us: int
     last_us: int
+    attitude_hz: float = 0.0
+    """Median rate of the first vehicle's attitudes by their boot times; 0: fewer than three."""
 
 
 def survey_tlog(path: Path, component_id: int = 1) -> Survey:
@@ -42,6 +46,7 @@ def survey_tlog(path: Path, component_id: int = 1) -> Survey:
     data = bytes_of(path)
     vehicles: dict[int, bool] = {}
     times: dict[int, list[tuple[int, int]]] = {}
+    attitudes: dict[int, list[int]] = {}
     first_us = last_us = 0
     for record in records(data):
         if record.message_id not in MESSAGE_IDS:
@@ -54,9 +59,18 @@ def survey_tlog(path: Path, component_id: int = 1) -> Survey:
         if record.message_id in _BOOT_TIMED:
             boot_ms = int.from_bytes(data[record.payload : record.payload + 4], "little")
             times.setdefault(record.system, []).append((record.stamp_us, boot_ms * 1000))
+            if record.message_id in _ATTITUDES:
+                attitudes.setdefault(record.system, []).append(boot_ms)
     heard = tuple(sorted(system for system, intact in vehicles.items() if intact))
     steps = _steps(np.array(times[heard[0]], np.int64)) if heard and heard[0] in times else ()
-    return Survey(heard, steps, first_us, last_us)
+    rate_hz = _rate_hz(attitudes.get(heard[0], [])) if heard else 0.0
+    return Survey(heard, steps, first_us, last_us, rate_hz)
+
+
+def _rate_hz(boots_ms: list[int]) -> float:
+    """Median rate of messages by their boot times; both kinds of attitude often share one moment."""
+    intervals = np.diff(np.unique(np.array(boots_ms, np.int64)))
+    return 1000.0 / float(np.median(intervals)) if len(intervals) > 1 else 0.0
 
 
 def _steps(times: np.ndarray) -> tuple[ClockStep, ...]:

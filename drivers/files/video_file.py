@@ -37,6 +37,8 @@ class VideoFile:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        if not is_text(path):
+            raise DriverError(f"{str(path)!a}: its name is not UTF-8, which OpenCV cannot open; rename it")
         if not path.is_file():
             raise DriverError(f"{path}: there is no such video file; check the path")
         if path.stat().st_size == 0:
@@ -133,12 +135,23 @@ class ImageFolder:
             stamp_us = start_us + round(index * period_us)
             image = _read_grey(file)
             if image is None:
-                yield Refusal(stamp_us, "camera", "undecodable_image", str(file))
+                yield Refusal(stamp_us, "camera", "undecodable_image", ascii(str(file))[1:-1])
             elif image.shape != (self.height, self.width):
                 detail = f"{file}: {image.shape[1]} x {image.shape[0]}, not {self.width} x {self.height}"
                 yield Refusal(stamp_us, "camera", "image_size", detail)
             else:
                 yield Frame(index, stamp_us, stamp_us, image)
+
+
+def named_images(path: Path) -> Iterator[tuple[str, Image | None]]:
+    """Name and grey image, of any size, of each picture of a video, a recorded flight or a folder of images."""
+    if path.is_dir() and not (path / "camera.mkv").is_file():
+        for file in ImageFolder(path).files:
+            yield ascii(file.name)[1:-1], _read_grey(file)
+        return
+    source = VideoFile(path / "camera.mkv" if path.is_dir() else path)
+    for number, image in source.images():
+        yield f"frame {number}", image
 
 
 def open_pictures(path: Path) -> VideoFile | ImageFolder:
@@ -148,8 +161,16 @@ def open_pictures(path: Path) -> VideoFile | ImageFolder:
     return ImageFolder(path) if path.is_dir() else VideoFile(path)
 
 
+def is_text(path: Path) -> bool:
+    """Whether a path is valid UTF-8; OpenCV ends the process on one that is not."""
+    return not any("\ud800" <= letter <= "\udfff" for letter in str(path))
+
+
 def _read_grey(file: Path) -> Image | None:
-    image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE)
+    if not is_text(file):
+        return None
+    # as the sensor gave it: turned by a camera's orientation tag it would be the picture of another camera
+    image = cv2.imread(str(file), cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
     return None if image is None else np.asarray(image, np.uint8)
 
 

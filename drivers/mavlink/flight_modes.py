@@ -22,6 +22,8 @@ _PX4_MAIN_MODES = {
     8: "RATTITUDE",
     10: "TERMINATION",
 }
+_PX4_POSITION = 3
+_PX4_POSITION_MODES = {1: "ORBIT", 2: "POSITION_SLOW"}
 _PX4_AUTO = 4
 _PX4_AUTO_MODES = {
     1: "READY",
@@ -33,7 +35,24 @@ _PX4_AUTO_MODES = {
     8: "FOLLOWME",
     9: "PRECLAND",
     10: "VTOL_TAKEOFF",
+    **{10 + number: f"EXTERNAL{number}" for number in range(1, 9)},
 }
+
+ALIASES = {
+    "Position": "POSCTL",
+    "Altitude": "ALTCTL",
+    "Stabilized": "STABILIZED",
+    "Return": "RTL",
+    "Return to Launch": "RTL",
+    "Follow Me": "FOLLOWME",
+    "Precision Land": "PRECLAND",
+    "Position Slow": "POSITION_SLOW",
+    "Altitude Hold": "ALT_HOLD",
+    "Position Hold": "POSHOLD",
+    "Guided No GPS": "GUIDED_NOGPS",
+    "Auto RTL": "AUTO_RTL",
+}
+"""What QGroundControl and Mission Planner call modes -> our name, where they differ by more than spelling."""
 
 AUTOPILOTS = {mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA: "ardupilot", mavlink.MAV_AUTOPILOT_PX4: "px4"}
 """Autopilots whose modes are known by name; others are called by MAVLink's number."""
@@ -45,12 +64,42 @@ def mode_name(autopilot: int, vehicle_type: int, custom_mode: int) -> str:
     name = None
     if autopilot == mavlink.MAV_AUTOPILOT_PX4:
         main, sub = (custom_mode >> 16) & 0xFF, (custom_mode >> 24) & 0xFF
-        name = _PX4_AUTO_MODES.get(sub) if main == _PX4_AUTO else _PX4_MAIN_MODES.get(main)
+        if main == _PX4_AUTO:
+            name = _PX4_AUTO_MODES.get(sub)
+        elif main == _PX4_POSITION and sub:
+            name = _PX4_POSITION_MODES.get(sub)
+        else:
+            name = _PX4_MAIN_MODES.get(main)
     elif autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA:
         enumeration = _ARDUPILOT_MODES.get(vehicle_type, "")
         entry = mavlink.enums.get(enumeration, {}).get(custom_mode)
         name = entry.name.removeprefix(enumeration + "_") if entry else None
     return name or f"MODE {custom_mode}"
+
+
+@lru_cache(maxsize=1)
+def known_modes() -> frozenset[str]:
+    """Every mode that has a name here, of every autopilot and vehicle."""
+    enumerations = set(_ARDUPILOT_MODES.values())
+    ardupilot = {
+        entry.name.removeprefix(enumeration + "_")
+        for enumeration in enumerations
+        for entry in mavlink.enums[enumeration].values()
+        if not entry.name.endswith("ENUM_END")
+    }
+    px4 = (_PX4_MAIN_MODES, _PX4_POSITION_MODES, _PX4_AUTO_MODES)
+    return frozenset(ardupilot.union(*(table.values() for table in px4)))
+
+
+def canonical_mode(name: str) -> str | None:
+    """A mode by our name, from any spelling of it ("Position", "alt hold", "AltHold"); None for no mode."""
+    spelled = {_letters(known): known for known in known_modes()}
+    spelled |= {_letters(alias): known for alias, known in ALIASES.items()}
+    return spelled.get(_letters(name))
+
+
+def _letters(name: str) -> str:
+    return "".join(filter(str.isalnum, name)).lower()
 
 
 @lru_cache(maxsize=64)

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from drivers.mavlink import current_mode as current_mode  # before anything reads the table of messages
+
 MARKER_V1 = 0xFE
 MARKER_V2 = 0xFD
 SIGNED = 0x01

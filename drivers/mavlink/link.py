@@ -17,9 +17,11 @@ from drivers.mavlink.identity import VehicleIdentity
 from drivers.mavlink.message_rates import MessageRates
 from drivers.mavlink.outgoing import Sealer
 from drivers.mavlink.ports import Address
+from drivers.mavlink.rates_owner import RatesOwner
 from drivers.mavlink.signing import Signer, unsigned
 from drivers.mavlink.telemetry import MESSAGE_IDS, TelemetryDecoder
 from drivers.mavlink.timesync import TimeSync
+from drivers.mavlink.unpacking import Unpacker
 from drivers.samples import Attitude, CommandAnswer, Heartbeat, Refusal, Sample
 from drivers.system.host_clock import now_us as host_now_us
 
@@ -39,6 +41,9 @@ ONLY_OF = {"CURRENT_MODE": "px4", "MANUAL_CONTROL": "px4"}
 """Message -> the autopilot that sends it: PX4's HEARTBEAT keeps to 1 Hz, and it passes a joystick's sticks on."""
 MAY_BE_MISSING = frozenset({"MANUAL_CONTROL", "RC_CHANNELS", "CURRENT_MODE"})
 """Messages that come only with a joystick, a receiver, or from newer firmware: none is no rate that is too low."""
+
+UNSIGNED = "unsigned"
+"""The signer's reason."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +94,8 @@ class Link:
             options.system_id, options.autopilot_component, options.own_component
         )
         self._decoder = TelemetryDecoder(0, options.autopilot_component, options.own_component)
-        self._parser = dialect.MAVLink(None)
+        self._unpacker = Unpacker()
+        self._rates_owner = RatesOwner()
         self._timesync = TimeSync(options.timesync_interval_s)
         self._splitters: dict[Address, FrameSplitter] = {}
         self._autopilot: str | None = None
@@ -138,7 +144,9 @@ class Link:
     def send_raw(self, data: bytes) -> None:
         """Send what MAVSDK wrote; its heartbeats only while they may go out."""
         for frame, sealed in self._sealer.take_over(data):
-            if frame.message_id == HEARTBEAT_ID and not self.may_beat():
+            if self._rates_owner.takes(frame, self.rates.wanted_hz):
+                self.counters["rate requests of MAVSDK answered"] += 1
+            elif frame.message_id == HEARTBEAT_ID and not self.may_beat():
                 self.counters["heartbeats withheld"] += 1
             else:
                 self._write(sealed)
@@ -196,6 +204,8 @@ class Link:
         if now_us - self._said_us.get(reason, -SAY_AGAIN_US) >= SAY_AGAIN_US:
             self._said_us[reason] = now_us
             text = f"refused messages of {who}: {reason}"
+            if reason == UNSIGNED:
+                text += "; mavlink.signing_key is set here, but this sender does not sign"
             if reason == identity.ANOTHER_VEHICLE:
                 text += "; set vehicle.system_id, nothing is commanded until then"
             self._event("mavlink_refused", "warning", text, now_us, reason=reason)
@@ -205,7 +215,7 @@ class Link:
         message = None
         if frame.message_id in MESSAGE_IDS:
             try:
-                message = self._parser.decode(bytearray(frame.data))
+                message = self._unpacker.unpack(frame)
             except dialect.MAVError as error:
                 return [Refusal(now_us, "mavlink", "undecodable", str(error))]
             if not self._for_us(message):
@@ -272,6 +282,9 @@ class Link:
                     knocked_us = now_us
                     self._knock(now_us)
                 continue
+            if self.raw_out is not None:
+                for answer in self._rates_owner.answers(self.system_id, self.options.autopilot_component):
+                    self.raw_out(answer)
             for request in self.rates.due(now_us):
                 self.send(self._interval_command(request.message_id, request.interval_us))
             self._tell_slow(now_us)
@@ -299,9 +312,19 @@ class Link:
             0,
         )
 
+    @property
+    def slow(self) -> dict[str, float]:
+        """Messages that come too rarely although they were asked for, and that should come: name -> rate."""
+        return {name: hz for name, hz in sorted(self.rates.slow.items()) if name not in MAY_BE_MISSING}
+
+    @property
+    def unsigned_only(self) -> bool:
+        """Whether a signing key is set here, and nothing but unsigned messages came."""
+        return self.system_id is None and self.counters[f"refused: {UNSIGNED}"] > 0
+
     def _tell_slow(self, now_us: int) -> None:
-        slow = self.rates.slow
-        for name in slow.keys() - self._slow - MAY_BE_MISSING:
+        slow = self.slow
+        for name in slow.keys() - self._slow:
             text = f"{name} comes at {slow[name]:.1f} Hz, {self.rates.wanted_hz[name]:g} Hz were asked for"
             self._event("rate_too_low", "warning", text, now_us, message=name)
         self._slow = frozenset(slow)

@@ -5,16 +5,22 @@ from dataclasses import dataclass, field
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from drivers.mavlink import current_mode as current_mode  # before the ids are taken from the table
+
 IDS = {message.msgname: number for number, message in dialect.mavlink_map.items()}
 
 
 @dataclass(slots=True)
 class _Stream:
     wanted_hz: float
+    window_us: int
     count: int = 0
+    from_us: int | None = None
     rate_hz: float | None = None
     asked: int = 0
     ask_at_us: int = 0
+    slow_since_us: int | None = None
+    told_slow: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,19 +36,23 @@ class RateRequest:
 class MessageRates:
     """What was asked for and what comes.
 
-    ``wanted_hz`` maps message names to rates. Every ``window_s`` the real rates are taken; a message under ``enough``
-    of its rate is asked for again, at intervals that double up to ``longest_wait_s``.
+    ``wanted_hz`` maps message names to rates. A rate is counted over ``messages`` expected messages, over
+    ``shortest_s`` at least, so that a rate somebody took away is asked for again within a second. What stays under
+    ``enough`` of its rate is asked for at intervals that double up to ``longest_wait_s``, and is slow after
+    ``patience_s``.
     """
 
     wanted_hz: Mapping[str, float]
-    window_s: float = 2.0
+    shortest_s: float = 0.5
+    messages: float = 4.0
     enough: float = 0.5
+    first_wait_s: float = 4.0
     longest_wait_s: float = 30.0
+    patience_s: float = 3.0
     _streams: dict[str, _Stream] = field(init=False)
-    _window_from_us: int | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
-        self._streams = {name: _Stream(hz) for name, hz in self.wanted_hz.items()}
+        self.forget()
 
     def want(self, wanted_hz: Mapping[str, float]) -> None:
         """Ask for these messages instead."""
@@ -51,8 +61,10 @@ class MessageRates:
 
     def forget(self) -> None:
         """The autopilot rebooted, or is another one: ask for everything again."""
-        self._streams = {name: _Stream(hz) for name, hz in self.wanted_hz.items()}
-        self._window_from_us = None
+        self._streams = {
+            name: _Stream(hz, round(1e6 * max(self.shortest_s, self.messages / hz)))
+            for name, hz in self.wanted_hz.items()
+        }
 
     def seen(self, name: str) -> None:
         """A message came."""
@@ -61,36 +73,42 @@ class MessageRates:
             stream.count += 1
 
     def due(self, now_us: int) -> list[RateRequest]:
-        """Close the window when it is over; what is to be asked for now."""
-        if self._window_from_us is None:
-            self._window_from_us = now_us
-        elapsed_s = (now_us - self._window_from_us) / 1e6
-        if elapsed_s >= self.window_s:
-            for stream in self._streams.values():
-                stream.rate_hz, stream.count = stream.count / elapsed_s, 0
-            self._window_from_us = now_us
+        """Close the windows that are over; what is to be asked for now."""
         requests = []
         for name, stream in self._streams.items():
-            slow = stream.rate_hz is None or stream.rate_hz < self.enough * stream.wanted_hz
-            if not slow:
-                stream.asked = 1
-            elif now_us >= stream.ask_at_us:
-                wait_s = min(2 * self.window_s * 2**stream.asked, self.longest_wait_s)
+            self._close(stream, now_us)
+            if stream.slow_since_us is None and stream.rate_hz is not None:
+                continue
+            if now_us >= stream.ask_at_us:
+                wait_s = min(self.first_wait_s * 2**stream.asked, self.longest_wait_s)
                 stream.ask_at_us = now_us + int(wait_s * 1e6)
                 stream.asked += 1
                 requests.append(RateRequest(name, IDS[name], round(1e6 / stream.wanted_hz)))
         return requests
 
+    def _close(self, stream: _Stream, now_us: int) -> None:
+        if stream.from_us is None:
+            stream.from_us = now_us
+        elapsed_us = now_us - stream.from_us
+        if elapsed_us < stream.window_us:
+            return
+        stream.rate_hz = stream.count / (elapsed_us * 1e-6)
+        stream.count, stream.from_us = 0, now_us
+        if stream.rate_hz >= self.enough * stream.wanted_hz:
+            # asked for at once when it is lost again
+            stream.asked = stream.ask_at_us = 0
+            stream.slow_since_us = None
+        elif stream.slow_since_us is None:
+            stream.slow_since_us = now_us
+        since_us = stream.slow_since_us
+        stream.told_slow = since_us is not None and now_us - since_us >= self.patience_s * 1e6
+
     @property
     def rates_hz(self) -> dict[str, float]:
-        """The rates of the last whole window."""
+        """The rates of the last whole windows."""
         return {name: s.rate_hz for name, s in self._streams.items() if s.rate_hz is not None}
 
     @property
     def slow(self) -> dict[str, float]:
-        """Messages that came too rarely although they were asked for twice: name -> rate."""
-        return {
-            name: s.rate_hz
-            for name, s in self._streams.items()
-            if s.rate_hz is not None and s.asked > 1 and s.rate_hz < self.enough * s.wanted_hz
-        }
+        """Messages that have come too rarely for ``patience_s`` although they were asked for: name -> rate."""
+        return {name: s.rate_hz for name, s in self._streams.items() if s.told_slow and s.rate_hz is not None}

@@ -6,6 +6,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from drivers.mavlink import current_mode as current_mode  # before the ids are taken from the table
 from drivers.mavlink.flight_modes import AUTOPILOTS, mode_name, vehicle_type
 from drivers.samples import (
     GRAVITY,

@@ -95,9 +95,8 @@ class Permission:
         """Why it is locked; of use while ``phase`` is LOCKED."""
         self.used = False
         """Whether a request went out under this permission, also when it has ended since."""
-        self._hand = Position.OFF if switch.by_hand else Position.ON
-        self._radio = Position.UNCLEAR if switch.radio else Position.ON
-        self._by_mode = Position.UNCLEAR if switch.modes else Position.ON
+        self._hand = Position.OFF
+        self._radio = self._by_mode = Position.ON
         self._mode: str | None = None
         self._not_chosen = True
         self._own_hold = False
@@ -202,7 +201,7 @@ class Permission:
     def _sticks_moved(self) -> bool:
         limit = 0 if self._switch.by_hand else self._switch.stick_limit_us
         pairs = zip(self._sticks, self._sticks_at_start, strict=True)
-        return limit > 0 and any(a and b and abs(a - b) >= limit for a, b in pairs)
+        return limit > 0 and any(a and abs(a - b) >= limit for a, b in pairs)
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,7 +227,7 @@ class Gate:
     command_busy: bool = False
 
 
-LANDED_WORDS = {
+LANDED_WORDS: dict[str | None, Withheld] = {
     "on_ground": Withheld.NOT_IN_AIR,
     "takeoff": Withheld.TAKING_OFF,
     "landing": Withheld.LANDING_ALREADY,
@@ -245,7 +244,7 @@ def objections(permission: Permission, gate: Gate) -> tuple[Objection, ...]:
     found.append(_if(g.radio_lost, Withheld.RADIO_LOST_NOW))
     found.append(_known(g.armed, Withheld.NOT_ARMED, Withheld.ARMED_UNKNOWN))
     if g.landed != "in_air":
-        found.append(Objection(LANDED_WORDS.get(g.landed or "", Withheld.IN_AIR_UNKNOWN)))
+        found.append(Objection(LANDED_WORDS.get(g.landed, Withheld.IN_AIR_UNKNOWN)))
     found.append(_known(g.mode_allowed, Withheld.MODE_NOT_ALLOWED, Withheld.MODE_UNKNOWN))
     if g.vehicle is not None and g.vehicle not in HOVERING | g.allowed_vehicles:
         code = Withheld.VTOL_NOT_HOVERING if g.vehicle == "vtol" else Withheld.VEHICLE_TYPE

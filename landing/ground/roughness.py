@@ -162,7 +162,7 @@ class ReliefMap:
         before = then.height.take(slots)
         known = (same & np.isfinite(before) & ~gross).nonzero()[0]
         seen = slots.take(known)
-        point = tracker.history[frame % tracker.HISTORY].take(seen, 0)
+        point = views.rows.places(frame).take(seen, 0)
         now = turned(normal, views.rotation(reach))
         # the inverse depth is (1 + e) n . p whichever the plane, but for the scale: what fits the plane has none
         old, new = (n[2] + np.dot(point, n[:2]) for n in (then.normal, now))

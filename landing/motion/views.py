@@ -10,6 +10,7 @@ from landing.observation import Observation
 from landing.options import TrackingOptions
 from landing.rotations import exp_so3
 from landing.vision.camera import CameraModel
+from landing.vision.rolling_shutter import Motion, Rows
 from landing.vision.tracking import FeatureTracker, TrackPair
 
 Array = NDArray[np.float64]
@@ -42,7 +43,8 @@ class View:
 class Baseline:
     """Two exposures and the tracks common to both.
 
-    ``old_from_new`` (3, 3) is the measured rotation, or the identity when ``derotated`` is false.
+    ``old_from_new`` (3, 3) is the measured rotation, or the identity when ``derotated`` is false. ``moves``: how the
+    new and the old points (n, 2) move per second of a readout that is not set.
     """
 
     gap: int
@@ -51,6 +53,7 @@ class Baseline:
     old_from_new: Array
     derotated: bool
     rotation_std_rad: float
+    moves: tuple[Array, Array] | None = None
 
     @property
     def derotated_old(self) -> Array:
@@ -69,6 +72,8 @@ class Views:
     def __init__(self, camera: CameraModel, options: TrackingOptions) -> None:
         self.camera = camera
         self.tracker = FeatureTracker(camera, options)
+        self.rows = Rows(camera, self.tracker)
+        """The tracks at their frames' times; what is measured from them takes these places."""
         self._views: list[View] = []
         slots = len(self.tracker.alive)
         self._rays = np.full((FeatureTracker.HISTORY, 3, slots), np.nan)
@@ -83,8 +88,13 @@ class Views:
         self.corrected = False
         """Whether the newest exposure put earlier attitudes right."""
 
-    def step(self, observation: Observation, new_from_previous: Array | None) -> None:
-        """Take the next exposure; ``new_from_previous`` as in ``FeatureTracker.step``."""
+    def step(
+        self, observation: Observation, new_from_previous: Array | None, motion: Motion | None = None
+    ) -> None:
+        """Take the next exposure; ``new_from_previous`` as in ``FeatureTracker.step``.
+
+        ``motion`` is what is expected of the camera's motion over the plane, in the axes of this exposure.
+        """
         ned_from_camera = None
         if observation.ned_from_body is not None:
             ned_from_camera = observation.ned_from_body @ self.camera.body_from_camera
@@ -102,10 +112,11 @@ class Views:
                 o.velocity_noise,
                 rate,
                 o.late_s,
-            )
+            ),
+            motion,
         )
 
-    def add(self, view: View) -> None:
+    def add(self, view: View, motion: Motion | None = None) -> None:
         """Take an exposure into which the tracker has followed its tracks."""
         self.corrected = abs(view.late_s - self._late_s) > _LATE_STEP_S
         if self.corrected:
@@ -117,6 +128,7 @@ class Views:
         self._time_s[place] = view.time_s
         self._velocity[place] = view.velocity_ned if known else math.nan
         self._velocity_age_s[place] = view.velocity_age_s if known else math.inf
+        self.rows.step(view.turn_rate, motion)
         self._views.append(view)
         if len(self._views) > FeatureTracker.HISTORY:
             del self._views[0]
@@ -130,6 +142,12 @@ class Views:
             turned = view.ned_from_camera @ exp_so3(view.turn_rate * (view.late_s - late_s))
             self._views[k] = replace(view, ned_from_camera=turned, late_s=late_s)
             self._turn(self.tracker.frame - len(self._views) + k, turned)
+
+    def read_out(self, readout_s: float) -> None:
+        """Take another readout of the rows: all tracks of earlier frames move."""
+        self.rows.read_out(readout_s)
+        for k, view in enumerate(self._views[:-1]):
+            self._turn(self.tracker.frame - len(self._views) + 1 + k, view.ned_from_camera)
 
     def reset(self) -> None:
         """Forget everything: the next frame starts anew."""
@@ -170,11 +188,14 @@ class Views:
         """
         longest = int(gaps.max())
         if slots is None:
-            tracks = self.tracker.pair(longest)
-        else:
-            tracker = self.tracker
-            tracks = tracker.over(longest, slots)
+            slots = self.tracker.common(longest)
+        tracks = self.over(longest, slots)
         return tracks, self._derotated(gaps, tracks.slots)
+
+    def over(self, gap: int, slots: NDArray[np.intp]) -> TrackPair:
+        """The tracks ``slots`` in the newest frame and in the one ``gap`` frames older, NaN where they are younger."""
+        new, old = (self.rows.places(self.tracker.frame - k).take(slots, 0) for k in (0, gap))
+        return TrackPair(gap, slots, new, old, self.tracker.whitener.take(slots, 1))
 
     def reach(self, span_s: float) -> int:
         """The largest gap within ``span_s`` of the newest frame, at least one."""
@@ -215,14 +236,14 @@ class Views:
         place = frame % self.tracker.HISTORY
         self._known[place] = turn is not None
         if turn is not None:
-            self._rays[place] = np.dot(turn[:, :2], self.tracker.history[place].T) + turn[:, 2:]
+            self._rays[place] = np.dot(turn[:, :2], self.rows.ring[place].T) + turn[:, 2:]
 
     def _derotated(self, gaps: NDArray[np.intp], slots: NDArray[np.intp]) -> Array:
         """Places (g, n, 2) of tracks in the frames ``gaps`` before the newest, as if taken in its attitude."""
         tracker, newest = self.tracker, self.newest.ned_from_camera
         place = (tracker.frame - gaps) % tracker.HISTORY
         if newest is None or not self._known.take(place).all():
-            return tracker.history[place[:, None], slots]
+            return self.rows.ring[place[:, None], slots]
         q = np.matmul(newest.T, self._rays.take(place, 0).take(slots, 2))
         q[:, :2] /= q[:, 2:]
         return q[:, :2].transpose(0, 2, 1)
@@ -246,13 +267,13 @@ class Views:
         slots = slots[:: max(1, len(slots) // sample)]
         if not len(slots):
             return gaps, count, np.zeros(reach)
-        moved = self._derotated(gaps, slots) - tracker.history[tracker.frame % tracker.HISTORY].take(slots, 0)
+        moved = self._derotated(gaps, slots) - self.rows.places(tracker.frame).take(slots, 0)
         moved *= moved
         return gaps, count, np.sqrt((moved[..., 0] + moved[..., 1]).sum(axis=1) / len(slots))
 
     def baseline(self, gap: int) -> Baseline:
         """The newest frame against the one ``gap`` frames older."""
-        tracks = self.tracker.pair(gap)
+        tracks = self.over(gap, self.tracker.common(gap))
         measured = self.rotation(gap)
         rotation = np.eye(3) if measured is None else measured
         return Baseline(
@@ -262,6 +283,9 @@ class Views:
             rotation,
             measured is not None,
             self.baseline_std(gap),
+            None
+            if self.rows.known
+            else (self.rows.moves(0, tracks.slots), self.rows.moves(gap, tracks.slots)),
         )
 
 

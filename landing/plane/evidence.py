@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 _CAPACITY = 512
 """Estimates remembered at most; half of them when the store is full."""
+_TINY = 1e-3
+"""Step of the differences by which sensitivities are turned."""
 _MANY = 3
 """Estimates that agree among themselves, against which one alone may be a stray."""
 
@@ -46,10 +48,17 @@ class Evidence:
         self._time_s, self._share = np.zeros(_CAPACITY), np.zeros(_CAPACITY)
         self._slope, self._covariance = np.zeros((2, _CAPACITY)), np.zeros((3, _CAPACITY))
         """Slope tangents x and y in the world; their covariance xx, xy, yy."""
+        self._sensitivity = np.zeros((2, _CAPACITY))
+        """What each slope changes by per unit of an unknown that all of them share."""
+        self.sensitivity = np.zeros(2)
+        """The same of the slopes that were fused last (2,), in the world."""
+        self._fused: tuple[float, Array, Array] | None = None
+        """When they were fused, the slopes (2,) and their covariance (2, 2), but for the unknown."""
 
     def clear(self) -> None:
         """Forget: the surface is another one."""
         self._first = self._end = 0
+        self._fused = None
 
     def add(
         self,
@@ -60,15 +69,19 @@ class Evidence:
         b: float,
         covariance: Array,
         gap: int,
+        sensitivity: Array | None = None,
     ) -> None:
-        """Remember the slope tangents (a, b) with covariance (2, 2), from a baseline of ``gap`` frames."""
+        """Remember the slope tangents (a, b) with covariance (2, 2), from a baseline of ``gap`` frames.
+
+        ``sensitivity`` (2,): what they change by per unit of the unknown that all of them share.
+        """
         turned = to_world(ned_from_camera, a, b, covariance)
         if turned is None:
             return
         self._forget(time_s)
         if self._end == _CAPACITY:
             kept = slice(max(self._first, _CAPACITY // 2), _CAPACITY)
-            for store in (self._frame, self._time_s, self._share, self._slope, self._covariance):
+            for store in self._stores():
                 store[..., : kept.stop - kept.start] = store[..., kept].copy()
             self._first, self._end = 0, kept.stop - kept.start
         end = self._end
@@ -76,15 +89,57 @@ class Evidence:
         self._share[end] = min(1.0, 1.0 / max(1.0, gap * self.options.overlap))
         self._frame[end], self._time_s[end] = frame, time_s
         self._slope[:, end], self._covariance[:, end] = turned[0], turned[1].take((0, 1, 3))
+        self._sensitivity[:, end] = 0.0
+        if sensitivity is not None:
+            moved = to_world(
+                ned_from_camera, a + _TINY * sensitivity[0], b + _TINY * sensitivity[1], covariance
+            )
+            if moved is not None:
+                self._sensitivity[:, end] = (moved[0] - turned[0]) / _TINY
         self._end += 1
+
+    def shift(self, change: float) -> None:
+        """The unknown that all share has been put right by so much: the slopes with it."""
+        self._slope += self._sensitivity * change
+        if self._fused is not None:
+            time_s, slope, covariance = self._fused
+            self._fused = time_s, slope + self.sensitivity * change, covariance
+
+    def expected(self, time_s: float, ned_from_camera: Array) -> tuple[Array, Array, Array] | None:
+        """What was fused last, in this camera's axes: (a, b) (2,), their covariance (2, 2), their sensitivity (2,)."""
+        if self._fused is None or time_s - self._fused[0] > self.options.memory_s:
+            return None
+        then_s, slope, covariance = self._fused
+        drifted = covariance + np.eye(2) * (self.options.drift_std**2 * (time_s - then_s))
+        known = from_world(ned_from_camera, slope, drifted)
+        moved = from_world(ned_from_camera, slope + _TINY * self.sensitivity, drifted)
+        if known is None or moved is None:
+            return None
+        a, b = np.array(known[:2]), np.array(moved[:2])
+        return a, known[2], (b - a) / _TINY
+
+    def _stores(self) -> tuple[NDArray[np.generic], ...]:
+        return (
+            self._frame,
+            self._time_s,
+            self._share,
+            self._slope,
+            self._covariance,
+            self._sensitivity,
+        )
 
     @property
     def newest_frame(self) -> int | None:
         """Frame of the newest estimate remembered."""
         return int(self._frame[self._end - 1]) if self._end > self._first else None
 
-    def fuse(self, time_s: float, ned_from_camera: Array) -> tuple[float, float, Array] | None:
-        """(a, b, covariance (2, 2)) in the newest camera frame, None without anything remembered."""
+    def fuse(
+        self, time_s: float, ned_from_camera: Array, unknown_std: float = 0.0
+    ) -> tuple[float, float, Array] | None:
+        """(a, b, covariance (2, 2)) in the newest camera frame, None without anything remembered.
+
+        ``unknown_std`` is the doubt about the unknown that all estimates share: fusing does not take it out.
+        """
         o = self.options
         self._forget(time_s)
         if self._end == self._first:
@@ -94,6 +149,9 @@ class Evidence:
         slope, share = self._slope[:, order], self._share[order]
         covariance = self._covariance[:, order].copy()
         covariance[::2] += o.drift_std**2 * (time_s - self._time_s[order])
+        sensitivity = self._sensitivity[:, order]
+        if unknown_std > 0:
+            covariance += _outer(sensitivity) * unknown_std**2
         counted = _inverse(covariance)
         counted *= share
         total, summed, mean = _running(counted, slope)
@@ -104,8 +162,14 @@ class Evidence:
         if total[0, last - 1] + total[2, last - 1] < (counted[0, 0] + counted[2, 0]) / share[0]:
             used = covariance[:, 0]
         self.used = last
-        xx, xy, yy = used.tolist()
-        world = np.array(((xx + o.floor_std**2, xy), (xy, yy + o.floor_std**2)))
+        world = _matrix(used, o.floor_std)
+        if unknown_std > 0:
+            weighted = _product(counted[:, :last], sensitivity[:, :last]).sum(axis=1)
+            self.sensitivity = _product(summed[:, last - 1], weighted)
+            # as if each had an error of its own it is in the sum already
+            common = 1 - 1 / max(1.0, float(share[:last].sum()))
+            self._fused = time_s, mean[:, last - 1].copy(), world
+            world = _matrix(used + _outer(self.sensitivity) * (common * unknown_std**2), o.floor_std)
         return from_world(ned_from_camera, mean[:, last - 1], world)
 
     def _agreeing(self, slope: Array, covariance: Array, share: Array, summed: Array, mean: Array) -> int:
@@ -180,6 +244,17 @@ def _apart(difference: Array, covariance: Array, limit: float) -> NDArray[np.boo
     # difference^T S^-1 difference, times the determinant of S
     distance = yy * (x * x) - (2 * x) * (xy * y) + xx * (y * y)
     return np.asarray(distance > limit * (xx * yy - xy * xy))
+
+
+def _matrix(covariance: Array, floor_std: float) -> Array:
+    """The matrix (2, 2) of xx, xy, yy, with an error of both axes added."""
+    xx, xy, yy = covariance.tolist()
+    return np.array(((xx + floor_std**2, xy), (xy, yy + floor_std**2)))
+
+
+def _outer(v: Array) -> Array:
+    """xx, xy, yy (3, ...) of the products of vectors (2, ...) with themselves."""
+    return np.stack((v[0] * v[0], v[0] * v[1], v[1] * v[1]))
 
 
 def _inverse(m: Array) -> Array:

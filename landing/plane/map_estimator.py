@@ -1,6 +1,7 @@
 """The default estimator: exact plane fit over the best baseline, fused over time, motion from the newest interval."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,11 +10,14 @@ from landing.motion.velocity import velocity
 from landing.motion.views import Baseline, Views
 from landing.options import EstimatorOptions
 from landing.plane.evidence import Evidence, EvidenceOptions, slope_std
-from landing.plane.plane import Plane, RotationError
+from landing.plane.plane import Plane, RotationError, RowsError
 from landing.plane.planefit import FitPrior, PlaneFit, fit_plane
+from landing.vision.rolling_shutter import Motion
 
 Array = NDArray[np.float64]
 
+_UNEVEN = 0.0035
+"""How much the slopes of one surface differ from place to place, when they are to tell something else."""
 _SAMPLE = 40
 """Tracks that the choice of the baseline looks at."""
 
@@ -53,7 +57,13 @@ class MapEstimator:
             self._normal = None
             return Plane("too_few_tracks")
         fit = self._fit(views, baseline) if flow_px >= o.map_min_flow_px else None
+        if fit is not None and not views.rows.moving:
+            # now that the motion is known, the tracks can be taken to their frames' times
+            views.rows.saw(Motion(fit.t / -baseline.interval_s, fit.normal))
+            baseline = views.baseline(gap)
+            fit = self._fit(views, baseline)
         newest = views.newest
+        rows_error = self._rows_error(views, fit)
         if fit is not None and newest.ned_from_camera is not None and baseline.derotated:
             self.evidence.add(
                 views.tracker.frame,
@@ -63,6 +73,7 @@ class MapEstimator:
                 fit.b,
                 fit.covariance[3:5, 3:5],
                 gap,
+                None if fit.sensitivity is None else (fit.covariance @ fit.sensitivity.gradient)[3:5],
             )
         if newest.ned_from_camera is None or not baseline.derotated:
             if fit is None:
@@ -70,10 +81,45 @@ class MapEstimator:
             return self._plane(views, baseline, fit, fit.a, fit.b, fit.covariance[3:5, 3:5])
         if fit is None and not self._still_seen(views):
             self.evidence.clear()
-        fused = self.evidence.fuse(newest.time_s, newest.ned_from_camera)
+        fused = self.evidence.fuse(newest.time_s, newest.ned_from_camera, views.rows.std_s)
         if fused is None:
             return Plane("motion_too_small", gap=gap)
-        return self._plane(views, baseline, fit, *fused)
+        plane = self._plane(views, baseline, fit, *fused)
+        return plane if rows_error is None else replace(plane, rows_error=rows_error)
+
+    def _rows_error(self, views: Views, fit: PlaneFit | None) -> RowsError | None:
+        """What the fit, and its slopes against those fused before, say of the rows' readout."""
+        attitude = views.newest.ned_from_camera
+        if fit is None or fit.sensitivity is None or attitude is None:
+            return None
+        effect, covariance = fit.sensitivity, fit.covariance[3:5, 3:5]
+        difference, before_gradient = np.zeros((2, 2))
+        before: Array = np.zeros((2, 2))
+        known = self.evidence.expected(views.newest.time_s, attitude)
+        if known is not None:
+            slopes, fused, old_gradient = known
+            apart = np.array((fit.a, fit.b)) - slopes
+            changes = (fit.covariance @ effect.gradient)[3:5] - old_gradient
+            old: Array = np.asarray(fused + np.eye(2) * _UNEVEN**2, np.float64)
+            spread = covariance + old + np.outer(changes, changes) * views.rows.std_s**2
+            if float(apart @ np.linalg.solve(spread, apart)) <= self.options.agreement:
+                difference, before_gradient = apart, old_gradient
+                before = np.asarray(np.linalg.inv(old), np.float64)
+        x = np.concatenate((fit.t, (fit.a, fit.b), fit.d))
+        return RowsError(
+            x,
+            fit.covariance,
+            effect.gradient,
+            effect.information,
+            effect.score,
+            difference,
+            before,
+            before_gradient,
+        )
+
+    def read_out(self, change_s: float) -> None:
+        """The rows' readout is known to be longer by so much: the slopes remembered change with it."""
+        self.evidence.shift(change_s)
 
     def _choose(self, views: Views) -> tuple[int, float]:
         """The gap of most information, about tracks times flow squared, within the limits; and its RMS flow."""
@@ -133,7 +179,7 @@ class MapEstimator:
     ) -> PlaneFit | None:
         t = baseline.tracks
         rotation, cut = baseline.old_from_new, self.options.map_cut
-        return fit_plane(t.new, t.old, rotation, t.whitener, prior, start, carried, cut)
+        return fit_plane(t.new, t.old, rotation, t.whitener, prior, start, carried, cut, moves=baseline.moves)
 
     def _plane(
         self, views: Views, baseline: Baseline, fit: PlaneFit | None, a: float, b: float, covariance: Array

@@ -23,6 +23,25 @@ class RotationError:
 
 
 @dataclass(frozen=True, slots=True)
+class RowsError:
+    """What a fit says of the rows' readout: the fit and how it changes, per second of readout.
+
+    ``parameters`` (8,) and ``covariance`` (8, 8) as in ``PlaneFit``; ``gradient``, ``information`` and ``score`` as in
+    ``Sensitivity``. ``difference`` (2,) of the slopes to those fused before, the information (2, 2) of the latter and
+    how they change themselves (2,), zero where nothing was there before or it disagrees.
+    """
+
+    parameters: Array
+    covariance: Array
+    gradient: Array
+    information: float
+    score: float
+    difference: Array
+    before: Array
+    before_gradient: Array
+
+
+@dataclass(frozen=True, slots=True)
 class Plane:
     """Surface Z = h + aX + bY in the newest camera frame, and omega = V / h in 1/s.
 
@@ -52,6 +71,7 @@ class Plane:
     fit_error: float = NAN
     """Mean distance of the tracks, outliers too, from where the fit has them, normalised units."""
     rotation_error: RotationError | None = None
+    rows_error: RowsError | None = None
 
     def weights(self, capacity: int) -> Array:
         """The weight of every slot (capacity,); those that were not used count as inliers."""

@@ -52,6 +52,19 @@ class FitPrior:
 
 
 @dataclass(frozen=True, slots=True)
+class Sensitivity:
+    """What an unknown that moves the tracks by a known field does to a fit.
+
+    With residuals r + r_u du for a change du of the unknown: ``gradient`` (8,) is J^T W r_u, so that the parameters
+    change by covariance @ gradient; ``information`` r_u^T W r_u and ``score`` -r_u^T W r of the unknown itself.
+    """
+
+    gradient: Array
+    information: float
+    score: float
+
+
+@dataclass(frozen=True, slots=True)
 class PlaneFit:
     """Displacement over height t (3,), slope tangents a and b, rotation error d (3,), and their covariance (8, 8).
 
@@ -71,6 +84,7 @@ class PlaneFit:
     old_from_new: Array
     converged: bool
     prior: FitPrior
+    sensitivity: Sensitivity | None = None
 
     @property
     def normal(self) -> Array:
@@ -89,6 +103,7 @@ def fit_plane(
     cut: float = 5.0,
     iterations: int = 15,
     tolerance: float = 0.45,
+    moves: tuple[Points, Points] | None = None,
 ) -> PlaneFit | None:
     """Fit the plane to tracks ``new`` and ``old`` (n, 2), normalised coordinates of two frames.
 
@@ -97,7 +112,8 @@ def fit_plane(
     homography. None with fewer than eight tracks or when no homography explains them. Tukey weights on the length of
     each residual, cut at ``cut`` times the noise, which is estimated along the way (median, then the inliers'); done
     when Newton's decrement is below ``tolerance``: the step was then a quarter of a sigma in each parameter, and what
-    is left of it is far less.
+    is left of it is far less. ``moves`` (n, 2) each: how new and old points move with an unknown of which the
+    ``sensitivity`` is wanted.
     """
     if len(new) < PARAMETERS:
         return None
@@ -161,6 +177,7 @@ def fit_plane(
         old_from_new @ exp_so3(x[5:]),
         converged,
         prior,
+        None if moves is None else problem.sensitivity(x, weight, noise, *moves),
     )
 
 
@@ -237,6 +254,24 @@ class _Problem:
         hessian.ravel()[:: PARAMETERS + 1] += self.precision
         return hessian, reduced[:, _ELEMENTS] - self.precision * x
 
+    def sensitivity(
+        self, x: Array, weight: Array, noise: float, new_moves: Points, old_moves: Points
+    ) -> Sensitivity:
+        """What moving the new and the old points by these (n, 2) per unit does, at the solution x."""
+        self.residual(x)
+        left = self.whitened.copy()
+        step = 1e-3
+        there = np.dot(np.dot(self.rotation, self.to_seen), self.p + step * _homogeneous(new_moves))
+        moved = old_moves.T - (there[:2] / there[2] - self.projected) / step
+        changed = np.stack((self.c11 * moved[0] + self.c12 * moved[1], self.c22 * moved[1]))
+        weighted = changed * (weight * noise**-2)
+        n = len(self.inverse)
+        elements = self.rows[:_ELEMENTS].reshape(3, 3, 2, n)
+        np.multiply(self.columns[:, None], (self.p * self.inverse)[None, :, None], out=elements)
+        np.negative(elements[2], out=elements[2])
+        gradient = self._derivatives(x) @ (self.rows[:_ELEMENTS].reshape(_ELEMENTS, -1) @ weighted.ravel())
+        return Sensitivity(gradient, float((weighted * changed).sum()), -float((weighted * left).sum()))
+
     def _derivatives(self, x: Array) -> Array:
         """d M / d x (8, 9) at x, M row by row."""
         k, rotation = self.derivatives, self.rotation
@@ -270,6 +305,11 @@ class _Problem:
         weight = left * left
         tukey = (len(left) - float(np.dot(weight, left))) * cut**2 / 6
         return weight, tukey + 0.5 * float(np.dot(self.precision, x * x))
+
+
+def _homogeneous(moves: Points) -> Array:
+    """Moves (n, 2) of normalised points as those of homogeneous ones (3, n)."""
+    return np.concatenate((moves.T, np.zeros((1, len(moves)))))
 
 
 def start_from_homography(new: Points, old: Points, old_from_new: Array) -> tuple[Array, float, float] | None:

@@ -34,6 +34,9 @@ class QuadraticEstimator:
                 return Plane("starting")
         return self.fit(baseline)
 
+    def read_out(self, change_s: float) -> None:
+        """Nothing is remembered from frame to frame."""
+
     def fit(self, baseline: Baseline) -> Plane:
         """Plane from one baseline; the flow is placed at the middle of each track and taken per second."""
         o = self.options

@@ -32,13 +32,16 @@ class CameraModel:
         matrix: NDArray[np.float64],
         distortion: NDArray[np.float64] | None = None,
         body_from_camera: NDArray[np.float64] = DOWN,
+        readout_s: float | None = 0.0,
         *,
         equidistant: bool = False,
     ) -> None:
         """``matrix`` (3, 3) and ``distortion`` (4, 5, 8, 12 or 14,) as OpenCV and ROS have them.
 
-        ``equidistant``: a wide lens, ``distortion`` (4,) as of cv2.fisheye.
+        ``equidistant``: a wide lens, ``distortion`` (4,) as of cv2.fisheye. ``readout_s``: time from the first row's
+        exposure to the last's; 0: global shutter, negative: the last row is exposed first, None: not known.
         """
+        self.readout_s = readout_s
         self.width, self.height = int(width), int(height)
         self.matrix = np.asarray(matrix, np.float64).reshape(3, 3)
         self.distortion = np.zeros(5) if distortion is None else np.asarray(distortion, np.float64).ravel()
@@ -76,13 +79,18 @@ class CameraModel:
 
     @classmethod
     def from_focal(
-        cls, width: int, height: int, focal_px: float, body_from_camera: NDArray[np.float64] = DOWN
+        cls,
+        width: int,
+        height: int,
+        focal_px: float,
+        body_from_camera: NDArray[np.float64] = DOWN,
+        readout_s: float | None = 0.0,
     ) -> "CameraModel":
         """A camera without distortion whose axis meets the middle of the image."""
         matrix = np.array(
             ((focal_px, 0, (width - 1) / 2), (0, focal_px, (height - 1) / 2), (0, 0, 1)), np.float64
         )
-        return cls(width, height, matrix, None, body_from_camera)
+        return cls(width, height, matrix, None, body_from_camera, readout_s)
 
     @property
     def equidistant(self) -> bool:

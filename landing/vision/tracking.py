@@ -102,12 +102,13 @@ class FeatureTracker:
         normalised[slots] = self.camera.undistort(self.pixels.take(slots, 0))
         self.pixel_history[self.frame % self.HISTORY] = self.pixels
 
-    def pair(self, gap: int) -> TrackPair:
-        """The tracks common to the newest frame and the one ``gap`` frames older."""
-        return self.over(gap, (self.alive & (self.born <= self.frame - gap)).nonzero()[0])
+    def common(self, gap: int) -> NDArray[np.intp]:
+        """The slots of the tracks common to the newest frame and the one ``gap`` frames older."""
+        return (self.alive & (self.born <= self.frame - gap)).nonzero()[0]
 
-    def over(self, gap: int, slots: NDArray[np.intp]) -> TrackPair:
-        """The tracks ``slots`` in the newest frame and in the one ``gap`` frames older, NaN where they are younger."""
+    def pair(self, gap: int) -> TrackPair:
+        """The tracks common to the newest frame and the one ``gap`` frames older, as they are in the pictures."""
+        slots = self.common(gap)
         new, old = (self.history[(self.frame - k) % self.HISTORY].take(slots, 0) for k in (0, gap))
         return TrackPair(gap, slots, new, old, self.whitener.take(slots, 1))
 

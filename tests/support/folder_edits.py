@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from flight_copy import Message, edit_rows, rewrite, short_flight
+from flight_copy import FLIGHTS, Message, edit_rows, rewrite, short_flight
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-__all__ = ["EDITS", "Edit", "short_flight"]
+__all__ = ["EDITS", "FLIGHTS", "Edit", "edit_rows", "short_flight"]
 
 WRAP_MS = 2**32
 

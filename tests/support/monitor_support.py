@@ -115,9 +115,9 @@ class Browser:
         self.driver.get(url)
         assert eventually(lambda: self.script("return document.querySelector('main') !== null"))
 
-    def script(self, code: str) -> Any:
+    def script(self, code: str, *arguments: Any) -> Any:
         """Run JavaScript."""
-        return self.driver.execute_script(code)
+        return self.driver.execute_script(code, *arguments)
 
     def texts(self) -> dict[str, str]:
         """All labelled fields at one instant."""
@@ -221,6 +221,9 @@ def health() -> Health:
         time_unix_us=1,
         state="degraded",
         problems=("gyro: stale for 2.5 s",),
+        mode="GUIDED",
+        armed=True,
+        recording=True,
         inputs={
             "frames": InputHealth(state="ok", count=900, refused=2, rate_hz=29.97, age_s=0.03),
             "gyro": InputHealth(state="stale", count=10, refused=0, rate_hz=None, age_s=2.5),
@@ -279,3 +282,19 @@ class Vehicle:
 def received_json(lines: list[bytes]) -> dict[int, dict[str, Any]]:
     """Estimates by frame."""
     return {found["frame"]: found for found in map(json.loads, lines)}
+
+
+def show(browser: Browser, monitor: Monitor, vehicle: Vehicle) -> None:
+    """Open the page of a vehicle and wait until it is there."""
+    browser.open(f"{monitor.url}/?vehicle={vehicle.bus.vehicle}")
+    assert eventually(lambda: browser.texts().get("inclination_deg", "–") != "–")
+
+
+def contrast(*colours: str) -> float:
+    """Contrast ratio of two CSS colours, after WCAG 2."""
+    light = []
+    for colour in colours:
+        channels = [int(part) / 255 for part in colour.split("(")[1].rstrip(")").split(",")[:3]]
+        linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+        light.append(0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2])
+    return (max(light) + 0.05) / (min(light) + 0.05)

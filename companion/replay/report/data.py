@@ -3,8 +3,8 @@
 import math
 from typing import Any
 
+from companion.messages.ground_cells import drawable
 from companion.replay.history import History
-from companion.replay.report.ground import drawable
 from companion.replay.report.recorder import ReportRecorder
 from landing.options import DecisionOptions
 

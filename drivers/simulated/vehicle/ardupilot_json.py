@@ -65,7 +65,8 @@ def state_line(vehicle: Multirotor, time_s: float) -> bytes:
         "velocity": list(vehicle.velocity),
         "rng_1": round(max(vehicle.height_above_ground, 0.0), 4),
     }
-    return b"\n" + json.dumps(state).encode("ascii") + b"\n"
+    # ArduCopter's parser refuses a space behind a colon.
+    return b"\n" + json.dumps(state, separators=(",", ":")).encode("ascii") + b"\n"
 
 
 class JsonBackend:

@@ -137,11 +137,14 @@ class AutopilotProtocol:
             forced = int(p[1]) == FORCE
             return _result(c.arm(forced) if p[0] == 1 else c.disarm(forced)), []
         if command == mavlink.MAV_CMD_DO_SET_MODE:
+            if c.firmware.px4:
+                name = c.firmware.mode_named(int(p[1]), 0 if math.isnan(p[2]) else int(p[2]))
+                return _result(name is not None and c.set_mode(name)), []
             return _result(self._switch(int(p[1]))), []
         if command == mavlink.MAV_CMD_NAV_TAKEOFF:
             return _result(c.take_off(p[6])), []
         if command == mavlink.MAV_CMD_NAV_LAND:
-            return _result(c.set_mode("LAND")), []
+            return _result(c.firmware.land(c)), []
         if command == mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH:
             return _result(c.set_mode("RTL")), []
         if command == mavlink.MAV_CMD_NAV_LOITER_UNLIM:
@@ -172,6 +175,8 @@ class AutopilotProtocol:
     def _set_interval(self, message_id: int, interval_us: float) -> int:
         if not self.streams.can_build(message_id):
             return FAILED
+        if self.controller.firmware.px4 and message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+            return ACCEPTED  # and it stays at 1 Hz
         rate = DEFAULT_RATES_HZ.get(message_id, 0.0)
         if interval_us != 0.0:
             rate = 1e6 / interval_us if interval_us > 0 else 0.0

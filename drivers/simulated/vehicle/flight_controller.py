@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from drivers.errors import DriverError
 from drivers.samples import GRAVITY
+from drivers.simulated.vehicle.firmware import Firmware
 from drivers.simulated.vehicle.quaternion import Quaternion, Vector, from_euler
 from drivers.simulated.vehicle.vehicle import AttitudeCommand, Multirotor
 from drivers.simulated.vehicle.velocity_loop import FlightGains, VelocityLoop
@@ -35,6 +36,7 @@ class FlightController:
 
     vehicle: Multirotor
     gains: FlightGains = field(default_factory=FlightGains)
+    firmware: Firmware = field(default_factory=Firmware)
     mode: str = "STABILIZE"
     armed: bool = False
     pulse_us: list[int] = field(default_factory=lambda: [1500, 1500, 1000, 1500] + [1000] * 4 + [0] * 10)
@@ -155,6 +157,7 @@ class FlightController:
 
     def step(self, dt: float) -> AttitudeCommand:
         """The command to the airframe for the next ``dt`` seconds."""
+        self.firmware.step(self, dt)
         if not self.armed:
             return AttitudeCommand(self.vehicle.attitude, 0.0)
         self._disarm_when_idle(dt)

@@ -7,6 +7,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from drivers.mavlink.current_mode import CURRENT_MODE_ID, CurrentModeMessage
 from drivers.samples import GRAVITY
 from drivers.simulated.vehicle.flight_controller import MODES, FlightController
 from drivers.simulated.vehicle.quaternion import to_euler
@@ -128,15 +129,29 @@ def _heartbeat(s: TelemetryStreams, boot_s: float) -> Any:
     base |= mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
     base |= mavlink.MAV_MODE_FLAG_GUIDED_ENABLED if c.mode in ("GUIDED", "RTL", "LAND", "LOITER") else 0
     base |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED if c.armed else 0
-    state = mavlink.MAV_STATE_STANDBY if c.vehicle.on_ground else mavlink.MAV_STATE_ACTIVE
-    return mavlink.MAVLink_heartbeat_message(
-        mavlink.MAV_TYPE_QUADROTOR, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, base, MODES[c.mode], state, 3
-    )
+    f = c.firmware
+    state, mode = f.system_status(c.vehicle.on_ground), f.custom_mode(c.mode, MODES[c.mode])
+    return mavlink.MAVLink_heartbeat_message(f.vehicle_type, f.autopilot, base, mode, state, 3)
+
+
+def _current_mode(s: TelemetryStreams, boot_s: float) -> Any | None:
+    c = s.controller
+    mode = c.firmware.custom_mode(c.mode, MODES[c.mode])
+    return CurrentModeMessage(0, mode, mode) if c.firmware.px4 else None
+
+
+def _manual_control(s: TelemetryStreams, boot_s: float) -> Any | None:
+    """PX4 passes on a joystick's sticks; where there is a receiver they come in RC_CHANNELS."""
+    if not s.controller.firmware.px4 or s.controller.firmware.radio != "none":
+        return None
+    roll, pitch, throttle, yaw = ((pulse - 1500) * 2 for pulse in s.controller.pulse_us[:4])
+    return mavlink.MAVLink_manual_control_message(1, pitch, roll, (throttle + 1000) // 2, yaw, 0)
 
 
 def _sys_status(s: TelemetryStreams, boot_s: float) -> Any:
-    p = SENSORS_PRESENT
-    return mavlink.MAVLink_sys_status_message(p, p, p, 250, 12400, 800, 90, 0, 0, 0, 0, 0, 0)
+    there, healthy = s.controller.firmware.radio_bits()
+    p, h = SENSORS_PRESENT | there, SENSORS_PRESENT | healthy
+    return mavlink.MAVLink_sys_status_message(p, p, h, 250, 12400, 800, 90, 0, 0, 0, 0, 0, 0)
 
 
 def _attitude(s: TelemetryStreams, boot_s: float) -> Any:
@@ -216,7 +231,7 @@ def _extended_state(s: TelemetryStreams, boot_s: float) -> Any:
         "takeoff": mavlink.MAV_LANDED_STATE_TAKEOFF,
         "landing": mavlink.MAV_LANDED_STATE_LANDING,
     }[s.controller.landed_state]
-    return mavlink.MAVLink_extended_sys_state_message(0, state)
+    return mavlink.MAVLink_extended_sys_state_message(s.controller.firmware.vtol_state, state)
 
 
 def _home(s: TelemetryStreams, boot_s: float) -> Any:
@@ -234,8 +249,11 @@ def _home(s: TelemetryStreams, boot_s: float) -> Any:
     )
 
 
-def _rc_channels(s: TelemetryStreams, boot_s: float) -> Any:
-    return mavlink.MAVLink_rc_channels_message(_ms(boot_s), 16, *s.controller.pulse_us[:18], 200)
+def _rc_channels(s: TelemetryStreams, boot_s: float) -> Any | None:
+    pulse_us = s.controller.firmware.channels(s.controller.pulse_us)
+    if pulse_us is None:
+        return None
+    return mavlink.MAVLink_rc_channels_message(_ms(boot_s), 16, *pulse_us[:18], 255)
 
 
 def _vfr_hud(s: TelemetryStreams, boot_s: float) -> Any:
@@ -292,6 +310,8 @@ _BUILDERS: dict[int, Callable[[TelemetryStreams, float], Any]] = {
     mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: _extended_state,
     mavlink.MAVLINK_MSG_ID_HOME_POSITION: _home,
     mavlink.MAVLINK_MSG_ID_RC_CHANNELS: _rc_channels,
+    CURRENT_MODE_ID: _current_mode,
+    mavlink.MAVLINK_MSG_ID_MANUAL_CONTROL: _manual_control,
     mavlink.MAVLINK_MSG_ID_VFR_HUD: _vfr_hud,
     mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: _version,
     mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: _gps_origin,

@@ -24,3 +24,15 @@ def test_a_command_that_is_not_there_is_told_with_those_that_are(capsys: pytest.
     told = capsys.readouterr().err
     assert told.startswith("landslope: there is no command 'fly'")
     assert "replay" in told
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"), [("replai", "replay"), ("calibration", "calibrate"), ("docter", "doctor")]
+)
+def test_a_command_that_is_nearly_one_is_answered_with_it(
+    typed: str, meant: str, capsys: pytest.CaptureFixture[str]
+):
+    assert main([typed]) == 2
+    assert capsys.readouterr().err.splitlines()[0] == (
+        f"landslope: there is no command '{typed}'; did you mean '{meant}'?"
+    )

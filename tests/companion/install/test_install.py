@@ -131,6 +131,9 @@ def test_installing_upgrading_and_taking_off(tmp_path, capsys):
         "etc/systemd/system/landslope.service",
         "etc/sysusers.d/landslope.conf",
         "etc/udev/rules.d/70-landslope.rules",
+        "usr/local/share/bash-completion/completions/landslope",
+        "usr/local/share/man/man1/landslope.1",
+        "usr/local/share/zsh/site-functions/_landslope",
     ]
     assert laid["etc/systemd/system/landslope.service"] == UNIT.read_text()
     settings = tmp_path / "etc/landslope/landslope.toml"

@@ -12,9 +12,6 @@ import pytest
 from daemon_support import free_tcp_port, wait_for
 from vehicle_support import free_udp_port
 
-END_S = 5.0
-"""Measured: under 1.5 s; zenoh alone takes 8 s to leave a router that hangs."""
-
 
 @pytest.mark.parametrize("mode", ["peer", "client"])
 def test_it_starts_and_ends_although_camera_and_router_hang(tmp_path: Path, mode: str) -> None:
@@ -30,9 +27,8 @@ def test_it_starts_and_ends_although_camera_and_router_hang(tmp_path: Path, mode
             f"zenoh.mode={mode}",
             f"zenoh.connect=tcp/127.0.0.1:{port}",
         )
-        code, seconds, log = started_and_ended(tmp_path, settings)
+        code, log = started_and_ended(tmp_path, settings)
     assert code == 0, log
-    assert seconds < END_S
     assert "Traceback" not in log
     assert "link_closed" in log, "why there is no autopilot"
 
@@ -45,9 +41,8 @@ def test_it_starts_and_ends_with_nobody_there(tmp_path: Path) -> None:
         "zenoh.mode=client",
         f"zenoh.connect=tcp/127.0.0.1:{free_tcp_port()}",
     )
-    code, seconds, log = started_and_ended(tmp_path, settings, ("camera_lost", "zenoh: no session"))
+    code, log = started_and_ended(tmp_path, settings, ("camera_lost", "zenoh: no session"))
     assert code == 0, log
-    assert seconds < END_S
     assert log.count("camera_lost") == log.count("zenoh: no session") == 1, (
         "told once, not with every attempt"
     )
@@ -56,8 +51,11 @@ def test_it_starts_and_ends_with_nobody_there(tmp_path: Path) -> None:
 
 def started_and_ended(
     tmp_path: Path, settings: tuple[str, ...], words: tuple[str, ...] = ()
-) -> tuple[int, float, str]:
-    """Run the daemon until it runs and has said the words, then end it; exit code, seconds to the end, log."""
+) -> tuple[int, str]:
+    """Run the daemon until it runs and has said the words, then end it; exit code, log.
+
+    How long the end takes is measured by ``landslope benchmark --daemon``.
+    """
     arguments = [a for s in settings for a in ("--set", s)]
     path = tmp_path / "log"
     with path.open("wb") as log:
@@ -70,10 +68,9 @@ def started_and_ended(
         for word in ("landslope runs", *words):
             wait_for(lambda word=word: word in path.read_text(), f"'{word}' in the log", 20)
         time.sleep(1.0)
-        asked = time.monotonic()
         daemon.send_signal(signal.SIGTERM)
         code = daemon.wait(30)
-        return code, time.monotonic() - asked, path.read_text()
+        return code, path.read_text()
     finally:
         daemon.kill()
         daemon.wait()

@@ -20,10 +20,12 @@ Setup = tuple[TestVehicle, Link, Autopilot, list[Sample]]
 def setup() -> Iterator[Callable[..., Setup]]:
     closers: list[Callable[[], None]] = []
 
-    def make(answer: tuple[tuple[float, int], ...], key: bytes | None = None) -> Setup:
+    def make(answer: tuple[tuple[float, int], ...], key: bytes | None = None, **options: object) -> Setup:
         port = free_udp_port()
         samples: list[Sample] = []
-        link = Link(LinkOptions(f"udpin:127.0.0.1:{port}", system_id=1, signing_key=key), samples.extend)
+        link = Link(
+            LinkOptions(f"udpin:127.0.0.1:{port}", system_id=1, signing_key=key, **options), samples.extend
+        )
         autopilot = Autopilot(link)
         vehicle = TestVehicle(port, answer, seal=Signer(key, link_id=2).sign if key else None)
         vehicle.__enter__()
@@ -74,3 +76,14 @@ def test_mavsdk_on_a_signed_link_signs_too(setup) -> None:
     frames = [f for raw in vehicle.received_raw for f in splitter.feed(raw) if isinstance(f, WireFrame)]
     assert all(checker.refusal(frame) is None for frame in frames)
     assert {0, 76, 111} <= {frame.message_id for frame in frames}, "heartbeat, command, time"
+
+
+def test_mavsdks_own_request_for_a_rate_does_not_reach_the_autopilot(setup) -> None:
+    """It asks for EXTENDED_SYS_STATE at 1 Hz at every start."""
+    vehicle, link, _, _ = setup(vs.ACCEPTED, rates_hz={"EXTENDED_SYS_STATE": 5.0})
+    deadline = time.monotonic() + 10
+    while not link.counters["rate requests of MAVSDK answered"] and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert link.counters["rate requests of MAVSDK answered"] == 1, "answered, so it does not repeat it"
+    asked = [c.param2 for _, c in vehicle.commands if c.command == 511 and c.param1 == 245]
+    assert set(asked) == {200_000.0}

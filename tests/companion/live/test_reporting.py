@@ -1,15 +1,13 @@
-"""What ground stations see, and the watch over a landing: pure, messages in, MAVLink messages or words out."""
+"""What ground stations see: pure, messages in, MAVLink messages out."""
 
 import math
 
 import numpy as np
 import pytest
 
-from companion.core.landing_watch import LandingWatch
 from companion.live.reporting import GroundReport
-from companion.messages.conditions import Code, Condition, condition, state_of
-from companion.messages.messages import Decision, Estimate, Event, Health, estimate_message
-from companion.settings.settings import LandingSettings, MavlinkSettings
+from companion.messages.messages import Estimate, estimate_message
+from companion.settings.settings import MavlinkSettings
 from drivers.samples import Imu
 from landing.estimate import SurfaceEstimate
 from landing.vision.camera import body_from_camera
@@ -21,95 +19,9 @@ def report(**settings: object) -> GroundReport:
     return GroundReport(MavlinkSettings(**settings), DOWN)
 
 
-def decision(verdict: str, *reasons: str, command: str = "none") -> Decision:
-    return Decision(
-        frame=1,
-        time_unix_us=10**6,
-        verdict=verdict,
-        reasons=reasons,
-        since_unix_us=0,
-        permitted=True,
-        withheld=(),
-        requested=command != "none",
-        command=command,
-    )
-
-
-def health(*conditions: Condition) -> Health:
-    return Health(
-        time_unix_us=0,
-        state=state_of(conditions),
-        problems=tuple(c.text for c in conditions),
-        inputs={},
-        counters={},
-        clock_offset_s=None,
-        clock_std_s=None,
-        camera_late_s=None,
-        camera_late_std_s=None,
-        pipeline_ms=None,
-        conditions=conditions,
-    )
-
-
 def estimate(at_s: float = 0.0, **values: object) -> Estimate:
     values = {"status": "ok", "method": "map"} | values
     return estimate_message(SurfaceEstimate(1, at_s, **values), round(at_s * 1e6), 5.0, True)
-
-
-def texts(messages: list) -> list[str]:
-    return [m.text for m in messages if m.get_type() == "STATUSTEXT"]
-
-
-def said(ground: GroundReport, *messages: object) -> list[str]:
-    return [text for message in messages for text in texts(ground.feed(message))]
-
-
-def test_verdict_is_told_when_it_changes_and_only_then() -> None:
-    told = said(
-        report(),
-        decision("unknown", "nothing seen yet"),
-        decision("fit"),
-        decision("fit"),
-        decision("unfit", "too steep: 29.0 degrees, limit 10.0"),
-        decision("unfit", "too steep: 28.0 degrees, limit 10.0"),
-    )
-    assert told == [
-        "landslope: surface fit",
-        "landslope: surface unfit: too steep: 29.0 degrees, limit 10.0"[:49] + "~",
-    ]
-    assert all(len(text) <= 50 for text in told)
-
-
-def test_conditions_are_told_when_they_begin_and_when_they_end() -> None:
-    lost = condition(Code.VITAL_INPUT_STALE, "frames", "2.0 s")
-    gone = condition(Code.VITAL_INPUT_MISSING, "attitude")
-    told = said(
-        report(),
-        health(),
-        health(lost),
-        health(condition(Code.VITAL_INPUT_STALE, "frames", "3.0 s")),
-        health(lost, gone),
-        health(gone),
-        health(),
-    )
-    assert told == [
-        "landslope: frames: none for 2.0 s",
-        "landslope: attitude: none came",
-        "landslope: over: frames: none for 2.0 s",
-        "landslope: all well",
-    ]
-
-
-def test_command_is_told_once() -> None:
-    event = Event(
-        event="landing_refused",
-        frame=1,
-        time_unix_us=0,
-        severity="warning",
-        text="command to land: refused: denied",
-    )
-    assert said(report(), event) == ["landslope: land: refused: denied"]
-    assert said(report(status_text=False), event) == []
 
 
 def test_values_come_at_their_rate_and_unknown_ones_as_nan() -> None:
@@ -147,35 +59,17 @@ def test_optical_flow_has_mavlinks_signs_and_the_rotation_in_it(velocity_body, e
     assert (flow.quality, flow.ground_distance) == (255, height)
 
 
-def watched(estimate: Estimate, *, on_unfit: str = "report", command: str = "landing") -> list:
-    watch = LandingWatch(LandingSettings(on_unfit=on_unfit))
-    messages = (estimate, decision("fit", command=command), decision("unfit", "too rough", command=command))
-    return [w for m in (*messages, messages[-1]) if (w := watch.feed(m)) is not None]
-
-
-def test_unfit_surface_while_landing_is_told_once_and_held_only_when_asked() -> None:
-    (said_once,) = watched(estimate(height_m=3.0))
-    assert not said_once.hold
-    assert "too rough" in said_once.event.text
-    (held,) = watched(estimate(height_m=3.0), on_unfit="hold")
-    assert held.hold
-
-
-@pytest.mark.parametrize(
-    ("values", "speaks"),
-    [
-        ({"height_m": 1.6}, True),
-        ({"height_m": 1.4}, False),
-        ({"time_to_contact_s": 3.1}, True),
-        ({"time_to_contact_s": 2.9}, False),
-        ({"time_to_contact_s": -5.0}, True),
-        ({}, True),
-    ],
-)
-def test_it_is_too_late_near_the_ground(values, speaks) -> None:
-    assert bool(watched(estimate(**values), on_unfit="hold")) is speaks
-
-
-@pytest.mark.parametrize("command", ["none", "landed", "refused: denied", "failed: no answer"])
-def test_nothing_to_watch_without_a_landing(command) -> None:
-    assert watched(estimate(height_m=5.0), command=command) == []
+def test_px4_gets_the_flow_integrated_since_the_last_estimate() -> None:
+    ground = report(optical_flow=True, named_value_rate_hz=0.0)
+    ground.autopilot = "px4"
+    values = {"ventral_flow_x": 0.0, "ventral_flow_y": 0.5, "divergence": 0.0, "inlier_fraction": 1.0}
+    assert ground.feed(estimate(1.0, **values)) == []
+    ground.gyro(Imu(0, 0, (0.1, 0.2, 0.3)))
+    (flow,) = ground.feed(estimate(1.1, **values))
+    velocity = DOWN @ (0.0, 0.5, 0.0)
+    assert flow.get_type() == "OPTICAL_FLOW_RAD"
+    assert flow.integration_time_us == 100_000
+    found = (flow.integrated_x, flow.integrated_y, flow.integrated_xgyro, flow.integrated_zgyro)
+    assert found == pytest.approx((0.1 * (0.1 - velocity[1]), 0.1 * (0.2 + velocity[0]), 0.01, 0.03))
+    assert flow.distance == -1.0
+    assert ground.feed(estimate(2.0, **values)) == []

@@ -1,6 +1,7 @@
 """The printed schemas are valid, describe the real messages, and the documentation repeats them."""
 
 import json
+import math
 import re
 
 import jsonschema
@@ -12,6 +13,7 @@ from places import REPOSITORY
 from companion.cli import main
 from companion.messages import schema
 from companion.messages.events import COMMAND_EVENTS, EVENTS, LANDING_EVENTS
+from companion.messages.ground import ground_message
 from companion.messages.messages import (
     TOPICS,
     Decision,
@@ -24,6 +26,8 @@ from companion.messages.messages import (
 from companion.messages.preview import overlay
 from drivers.samples import Frame
 from landing.estimate import SurfaceEstimate, TrackView
+from landing.ground.ground import GroundReport, MapView
+from landing.ground.spots import Disc, GroundCode, Spot
 from landing.reasons import MEANING, STATUS_MEANING, Certainty, Code, Reason, Status, words
 
 DOCS = REPOSITORY / "docs"
@@ -69,6 +73,12 @@ def example(name: str) -> bytes:
                     pipeline_ms=4.0,
                 )
             )
+        case "ground":
+            below = Disc("hazard", (GroundCode.STEP,), 1.0, 0.3, 0.2, 1.0)
+            spot = Spot(1.0, -0.5, 0.5, 1.0, 0.02, 0.7)
+            report = GroundReport(3, 0.1, np.zeros(3), below, Disc("unknown", ()), math.nan, 0.0, (spot,))
+            view = MapView(-1.0, 2.0, np.array([[0.1, math.nan]]), np.array([[2, 0]], np.uint8))
+            return encode(ground_message(report, 1, None, view))
         case "event":
             return encode(Event(event="start", frame=None, time_unix_us=1, severity="info", text="started"))
     tracks = TrackView(

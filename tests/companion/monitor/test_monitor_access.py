@@ -129,7 +129,7 @@ def test_the_command_refuses_what_cannot_work(
     assert main(["monitor", *where, "--port", "70000"]) == 2
     assert "choose another --port" in capsys.readouterr().err
     assert main(["monitor", *where, "--refresh", "30"]) == 2
-    assert "refresh_hz is 30; it must be from 0.5 to 5 Hz" in capsys.readouterr().err
+    assert "refresh_hz is 30; it must be from 0.5 to 20 Hz" in capsys.readouterr().err
     assert main(["monitor", *where, "--certificate", str(tmp_path)]) == 2
     assert "belong together" in capsys.readouterr().err
     assert main(["monitor", *where, "--foxglove", "--host", "0.0.0.0"]) == 2

@@ -12,7 +12,7 @@ from folder_edits import short_flight
 from monitor_support import CHROMEDRIVER, CHROMIUM, Browser, eventually
 
 from companion import cli
-from companion.replay.report.ground import NO_HEIGHT, cells_of, drawable
+from companion.messages.ground_cells import NO_HEIGHT, cells_of, drawable
 
 VIDEO = "document.getElementById('video')"
 

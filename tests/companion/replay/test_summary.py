@@ -181,3 +181,18 @@ def test_a_clock_that_is_set_does_not_stretch_the_flight():
 def test_every_flight_can_be_drawn(kept: History, tmp_path):
     plot("f", kept, LIMITS, tmp_path / "p.png")
     assert (tmp_path / "p.png").stat().st_size > 10_000
+
+
+def test_an_event_that_comes_often_is_one_line_with_its_count():
+    messages = list(flight((5, 1.0, 0.001)).estimates)
+    told = [event("attitude_lost", k, "attitude gap", "warning") for k in range(40)]
+    text = words(history([*messages, *told, event("camera_lost", 0, "no frame", "warning")]))
+    assert text.count("attitude gap") == 1
+    assert "attitude gap (attitude lost 40 times)" in text
+    assert "no frame" in text
+    assert "41 in all: --events FILE.jsonl has them" in text
+
+
+def test_what_the_recording_lacks_is_a_caution():
+    text = summary("f", flight((2, 1.0, 0.001)), LIMITS, Pace(2.0, 1.0), ("attitude at 2 Hz",))
+    assert "  caution    attitude at 2 Hz\n" in text

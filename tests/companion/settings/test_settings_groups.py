@@ -108,3 +108,34 @@ def test_an_old_name_is_checked_against_the_new_limits(monkeypatch: pytest.Monke
     monkeypatch.setitem(MOVED, "camera.offset_s", Moved("camera.time_offset_s"))
     with pytest.raises(SettingsError, match=r"camera\.time_offset_s = 2\.0 is outside its limits"):
         load(None, ["camera.offset_s=2.0"])
+
+
+def test_flight_modes_are_read_in_any_spelling_and_checked(tmp_path: Path):
+    file = tmp_path / "landslope.toml"
+    file.write_text(
+        '[landing]\nallowed_modes = ["Position", "alt hold", "HOLD"]\nenable_modes = ["Position"]\n'
+    )
+    landing = settings_file.load(file).settings.landing
+    assert landing.allowed_modes == ("POSCTL", "ALT_HOLD", "HOLD")
+    assert landing.enable_modes == ("POSCTL",)
+    file.write_text('[landing]\nallowed_modes = ["POSCTLL"]\nenable_modes = ["LAND"]\n')
+    with pytest.raises(SettingsError) as faults:
+        settings_file.load(file)
+    assert "did you mean 'POSCTL'" in str(faults.value) or "POSCTL" in str(faults.value)
+    assert "enters by itself" in str(faults.value)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words", "level"),
+    [
+        ((), "requests nothing", "ok"),
+        (("landing.enable_modes=['Position']",), "enabled by choosing mode POSCTL", "ok"),
+        (("landing.enable_rc_channel=7",), "enabled by RC channel 7", "ok"),
+        (("landing.enabled=true",), "enabled from the start", "ok"),
+        (("landing.enable_modes=['ALTCTL']",), "none of these modes", "warning"),
+    ],
+)
+def test_the_doctor_says_what_run_does(overrides: tuple[str, ...], words: str, level: str):
+    (found,) = [f for f in settings_findings(load(None, overrides)) if f.subject == "landing"]
+    assert words in found.text
+    assert found.level == level

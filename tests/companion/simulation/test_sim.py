@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.cli import main
-from companion.errors import SettingsError
+from companion.errors import LandslopeError, SettingsError
+from companion.simulation import simulation
 from companion.simulation.flight_result import FlightResult, in_words
 from companion.simulation.ground import patch, unsafe
 from companion.simulation.lockstep import LockstepOptions, fly
@@ -278,3 +279,22 @@ def test_monte_carlo_in_two_processes(tmp_path: Path) -> None:
     alone = fly_one(report.runs[0].seed)
     assert replace(alone, elapsed_s=0) == replace(report.runs[0], elapsed_s=0)  # in any process the same
     assert worst(report.runs) == worst(list(reversed(report.runs)))
+
+
+def test_the_ports_of_a_sitl_can_be_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[simulation.ArduPilot | None] = []
+
+    def flown(scenario: Scenario, config: object, overrides: object, options: LiveOptions, _: object) -> None:
+        asked.append(options.ardupilot)
+        raise LandslopeError("flown")
+
+    monkeypatch.setattr(simulation, "fly_live", flown)
+    words = ["sim", "stairs", "--autopilot", "ardupilot"]
+    assert main([*words, "--pilot", "tcp:127.0.0.1:6000", "--physics-port", "9102"]) == 2
+    assert main(words) == 2
+    assert asked == [
+        simulation.ArduPilot(pilot="tcp:127.0.0.1:6000", physics_port=9102),
+        simulation.ArduPilot(),
+    ]
+    assert main([*words, "--physics-port", "99999"]) == 2
+    assert len(asked) == 2

@@ -1,8 +1,8 @@
 """camera_info files: read as ROS and the calibration write them, refused with the field's name."""
 
-import folder_edits
 import pytest
 import yaml
+from flight_copy import FLIGHTS
 
 from drivers.errors import DriverError
 from drivers.files.camera_info import CameraInfo, read_camera_info, write_camera_info
@@ -18,7 +18,7 @@ GOOD = {
 
 
 def test_the_recorded_flights_calibrations_are_read():
-    info = read_camera_info(folder_edits.FLIGHTS / "stairs_a" / "camera.yaml")
+    info = read_camera_info(FLIGHTS / "stairs_a" / "camera.yaml")
     assert (info.width, info.height, info.name) == (320, 240, "bottom")
     assert info.matrix[0] == 256.053525
     assert info.distortion == (-0.12, 0.03, 0.0006, -0.0004, 0.0)

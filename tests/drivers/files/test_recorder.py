@@ -3,30 +3,25 @@
 import csv
 import json
 import shutil
-import signal
 import subprocess
 import sys
 import threading
 import time
 from pathlib import Path
 
-import cv2
 import numpy as np
 from camera_support import SITL_LOGS, textured
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from places import SUPPORT
 
 import drivers.files.flight_writer
 from drivers.files.flight_folder import FlightFolder
-from drivers.files.matroska import JpegMatroska
 from drivers.files.recorder import FlightPapers, Recorder, RecorderOptions
 from drivers.files.tlog import GARBAGE, bytes_of, records
 from drivers.files.video_file import VideoFile
 from drivers.samples import Attitude, Frame, Refusal
 
 PAPERS = FlightPapers(settings="[vehicle]\nsystem_id = 1\n", calibration="")
-START_US = 1_795_299_001_000_000
+START_US = 1_795_298_557_000_000
 STEP_US = 33_333
 
 
@@ -92,91 +87,6 @@ def test_starting_and_stopping_makes_a_folder_each(tmp_path):
     recorder.close()
     assert [event.event for event in recorder.events()] == ["recording_started", "recording_stopped"] * 3
     assert len(list(tmp_path.iterdir())) == 3
-
-
-WRITER = """
-import sys, time
-sys.path.insert(0, {tests!r})
-from pathlib import Path
-from camera_support import textured
-from drivers.files.recorder import *
-from drivers.samples import Frame
-recorder = Recorder(RecorderOptions(Path({directory!r}), min_free_bytes=1), FlightPapers("[vehicle]\\n"))
-recorder.start()
-pictures = [textured(k) for k in range(50)]
-number = 0
-while True:
-    now = time.time_ns() // 1000
-    recorder.frame(Frame(number, now, now, pictures[number % 50]))
-    recorder.mavlink(now, bytes.fromhex("fd0000000001010000000000"))
-    number += 1
-    print(number, now, flush=True)
-    time.sleep(0.02)
-"""
-
-
-def test_a_killed_recorder_leaves_all_but_the_last_second(tmp_path):
-    code = WRITER.format(tests=str(SUPPORT), directory=str(tmp_path))
-    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as process:
-        said = [process.stdout.readline() for _ in range(110)]
-        process.send_signal(signal.SIGKILL)
-        said += process.stdout.readlines()
-    last_us = int([line for line in said if line.count(" ") == 1][-1].split()[1])
-    (folder,) = tmp_path.iterdir()
-    rows = (folder / "frames.csv").read_text().splitlines()[1:]
-    images = list(VideoFile(folder / "camera.mkv").images())
-    assert len(images) >= len(rows) > 20
-    assert last_us - int(rows[-1].split(",")[1]) < 1_000_000
-    frames = [sample for sample in FlightFolder(folder).samples() if isinstance(sample, Frame)]
-    assert len(frames) == len(rows)
-    tlog = bytes_of(folder / "vehicle.tlog")
-    assert last_us - int.from_bytes(tlog[(len(tlog) // 20 - 1) * 20 :][:8], "big") < 1_000_000
-
-
-def test_what_was_forced_to_the_disk_is_never_older_than_a_second(tmp_path, monkeypatch):
-    """A power cut keeps what fsync has returned for; here the sizes at that moment are taken down."""
-    forced: dict[str, tuple[int, float]] = {}
-    real = drivers.files.flight_writer._force
-
-    def force(file) -> None:
-        real(file)
-        forced[Path(file.name).name] = (file.tell(), time.monotonic())
-
-    monkeypatch.setattr(drivers.files.flight_writer, "_force", force)
-    recorder = Recorder(options(tmp_path, sync_interval_s=0.2), PAPERS)
-    recorder.start()
-    for k in range(60):
-        recorder.frame(Frame(k, START_US + k, START_US + k, textured(k)))
-        time.sleep(0.02)
-    now, at_cut = time.monotonic(), dict(forced)
-    folder = recorder.folder
-    cut = tmp_path / "cut"
-    cut.mkdir()
-    for name, (size, _) in at_cut.items():
-        (cut / name).write_bytes((folder / name).read_bytes()[:size])
-    recorder.close()
-    assert now - at_cut["camera.mkv"][1] < 1.0
-    assert now - at_cut["frames.csv"][1] < 1.0
-    rows = (cut / "frames.csv").read_text().splitlines()[1:]
-    assert len(rows) > 30
-    assert len(list(VideoFile(cut / "camera.mkv").images())) >= len(rows)
-
-
-@settings(max_examples=25, deadline=None)
-@given(part=st.floats(0.2, 1.0), width=st.integers(16, 96), height=st.integers(16, 96))
-def test_a_video_cut_anywhere_is_a_shorter_video(tmp_path_factory, part, width, height):
-    path = tmp_path_factory.mktemp("cut") / "camera.mkv"
-    lengths = []
-    with path.open("wb") as file:
-        video = JpegMatroska(file, width, height, 10.0)
-        for k in range(25):
-            assert video.write(cv2.imencode(".jpg", textured(k, width, height))[1].tobytes()) == k
-            lengths.append(file.tell())
-    path.write_bytes(path.read_bytes()[: max(lengths[0], int(part * lengths[-1]))])
-    whole = sum(length <= path.stat().st_size for length in lengths)
-    images = list(VideoFile(path).images())
-    assert [index for index, _ in images][:whole] == list(range(whole))
-    assert all(image.shape == (height, width) for _, image in images)
 
 
 FULL = """
@@ -333,15 +243,16 @@ def test_the_queue_is_bounded_by_bytes_not_by_items(tmp_path, monkeypatch):
 
 
 def test_a_slow_disk_costs_parts_of_the_recording_and_says_so(tmp_path, monkeypatch):
-    monkeypatch.setattr(drivers.files.flight_writer, "_force", lambda file: time.sleep(0.3))
+    answers = threading.Event()
+    monkeypatch.setattr(drivers.files.flight_writer, "_force", lambda file: answers.wait(20))
     recorder = Recorder(
         options(tmp_path, max_waiting_bytes=5 * textured(0).nbytes, sync_interval_s=0.01), PAPERS
     )
     recorder.start()
-    before = time.monotonic()
     for k in range(40):
         recorder.frame(Frame(k, START_US + k, START_US + k, textured(k)))
-    assert time.monotonic() - before < 2.0
+    assert not answers.is_set(), "taking frames waits for no disk"
+    answers.set()
     recorder.close(patience_s=20)
     names = [event.event for event in recorder.events()]
     assert names.count("recording_behind") == 1

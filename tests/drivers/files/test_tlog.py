@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-import folder_edits
 import pytest
+from flight_copy import FLIGHTS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -155,7 +155,7 @@ def test_survey_takes_a_stalled_link_for_no_step(tmp_path):
 
 
 def test_recorded_flights_are_read_whole():
-    for flight in sorted(path for path in folder_edits.FLIGHTS.iterdir() if path.is_dir()):
+    for flight in sorted(path for path in FLIGHTS.iterdir() if path.is_dir()):
         path: Path = flight / "vehicle.tlog"
         survey = survey_tlog(path)
         assert survey.vehicles == (1,)

@@ -5,12 +5,14 @@ import math
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from drivers.mavlink.current_mode import CurrentModeMessage
 from drivers.mavlink.flight_modes import mode_name
 from drivers.mavlink.telemetry import MESSAGE_IDS, TelemetryDecoder
 from drivers.samples import (
     Attitude,
     ClockOffset,
     CommandAnswer,
+    CurrentMode,
     Heartbeat,
     Imu,
     LandedState,
@@ -233,3 +235,13 @@ def test_answers_to_our_commands():
 
 def test_all_messages_that_samples_are_made_of_are_wanted():
     assert {0, 27, 30, 31, 32, 65, 77, 105, 111, 245} <= MESSAGE_IDS
+
+
+def test_current_mode_is_decoded_though_the_dialect_lacks_it() -> None:
+    codec = mavlink.MAVLink(None, 1, 1)
+    decoder = TelemetryDecoder()
+    beat = mavlink.MAVLink_heartbeat_message(2, mavlink.MAV_AUTOPILOT_PX4, 0, 3 << 16, 4, 3)
+    for message in (beat, CurrentModeMessage(0, 4 << 16 | 3 << 24, 3 << 16)):
+        (sent,) = mavlink.MAVLink(None).parse_buffer(message.pack(codec))
+        samples = decoder.decode(sent, 7)
+    assert samples == [CurrentMode(7, "HOLD", "POSCTL")]

@@ -44,6 +44,7 @@ def exchange(sitl: socket.socket, backend: JsonBackend, packet: bytes) -> dict:
     data = sitl.recv(4096)
     assert data.startswith(b"\n")
     assert data.endswith(b"}\n")
+    assert b" " not in data, "ArduCopter's parser refuses spaces"
     assert data.count(b"\n") == 2
     return json.loads(data)
 

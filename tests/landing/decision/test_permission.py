@@ -77,7 +77,12 @@ TRANSITIONS = [
     (MODE, (mode("ALTCTL"), mode("POSCTL", failsafe=True), mode("POSCTL")), "off"),
     (MODE, (mode("ALTCTL", failsafe=True), mode("POSCTL")), "switch_not_renewed"),
     (MODE, (*BY_MODE, mode("HOLD", failsafe=True), mode("ALTCTL"), mode("POSCTL")), "standing"),
+    (RADIO, (*STANDING, radio(ON, failsafe=True, armed=False)), "failsafe"),
+    (MODE, (mode("ALTCTL"), mode("ALTCTL", failsafe=True), mode("POSCTL")), "mode_not_chosen"),
+    (MODE, (mode("ALTCTL"), mode("ALTCTL", failsafe=True), mode("ALTCTL"), mode("POSCTL")), "standing"),
     # Sticks.
+    (RADIO, (*STANDING, radio(ON, sticks=(1500,)), radio(ON), radio(ON, sticks=(1800,))), "sticks_moved"),
+    (RADIO, (*STANDING, radio(ON, sticks=(1500,)), radio(ON, sticks=(0,))), "standing"),
     (RADIO, (*STANDING, radio(ON, sticks=(1500,)), radio(ON, sticks=(1800,))), "sticks_moved"),
     (RADIO, (*STANDING, radio(ON, sticks=(1500,)), radio(ON, sticks=(1799,))), "standing"),
     (RADIO, (*STANDING, radio(ON, sticks=(0,)), radio(ON, sticks=(1800,))), "standing"),
@@ -109,6 +114,9 @@ TRANSITIONS = [
     (MODE, (*BY_MODE, mode("HOLD", intended=False), mode("POSCTL")), "mode_not_chosen"),
     (MODE, (mode("ALTCTL"), mode("POSCTL", intended=False)), "off"),
     (MODE, (mode("ALTCTL"), mode("ALTCTL", intended=False)), "off"),
+    (MODE, (mode("ALTCTL"), mode("ALTCTL", intended=False), mode("POSCTL")), "mode_not_chosen"),
+    (MODE, (*LANDED_BY_US, Withheld.TAKEN_OVER, mode("HOLD"), mode("POSCTL")), "standing"),
+    (MODE, (*LANDED_BY_US, Withheld.OWN_HOLD, mode("ALTCTL"), mode("POSCTL")), "standing"),
     (MODE, (mode("ALTCTL", intended=False), mode("POSCTL")), "switch_not_renewed"),
     (Switch(modes=frozenset({"HOLD"})), (mode("POSCTL"), mode("MISSION"), mode("HOLD")), "off"),
     (Switch(modes=frozenset({"HOLD"})), (mode("POSCTL"), mode("HOLD")), "standing"),
@@ -148,17 +156,17 @@ def test_whether_it_was_used_is_kept_until_the_switch_is_off() -> None:
     assert not permission.used
 
 
-@pytest.mark.parametrize(
-    ("switch", "steps", "code"),
-    [
-        (HAND, (), Withheld.NOT_ENABLED),
-        (RADIO, (), Withheld.SWITCH_NOT_RENEWED),
-        (RADIO, (radio(OFF),), Withheld.SWITCH_OFF),
-        (RADIO, STANDING, None),
-        (RADIO, (*STANDING, "use"), Withheld.ALREADY_REQUESTED),
-        (RADIO, (*STANDING, Withheld.TAKEN_OVER), Withheld.TAKEN_OVER),
-    ],
-)
+OBJECTIONS = [
+    (HAND, (), Withheld.NOT_ENABLED),
+    (RADIO, (), Withheld.SWITCH_NOT_RENEWED),
+    (RADIO, (radio(OFF),), Withheld.SWITCH_OFF),
+    (RADIO, STANDING, None),
+    (RADIO, (*STANDING, "use"), Withheld.ALREADY_REQUESTED),
+    (RADIO, (*STANDING, Withheld.TAKEN_OVER), Withheld.TAKEN_OVER),
+]
+
+
+@pytest.mark.parametrize(("switch", "steps", "code"), OBJECTIONS)
 def test_what_the_permission_objects(switch, steps, code) -> None:
     found = after(switch, *steps).objection
     assert found == (None if code is None else Objection(code))
@@ -192,16 +200,16 @@ def test_each_rule_of_the_gate_withholds_by_itself_and_says_so(change: dict, wor
     assert [str(objection) for objection in found] == [words]
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        {},
-        {"vehicle": "vtol_hovering"},
-        {"vehicle": None},
-        {"vehicle": "fixed_wing", "allowed_vehicles": frozenset({"fixed_wing"})},
-        {"failsafe": None, "ready": None},
-    ],
-)
+OPEN = [
+    {},
+    {"vehicle": "vtol_hovering"},
+    {"vehicle": None},
+    {"vehicle": "fixed_wing", "allowed_vehicles": frozenset({"fixed_wing"})},
+    {"failsafe": None, "ready": None},
+]
+
+
+@pytest.mark.parametrize("change", OPEN)
 def test_the_gate_is_open(change: dict) -> None:
     assert objections(after(RADIO, *STANDING), replace(GOOD, **change)) == ()
 

@@ -1,5 +1,6 @@
 """The lateness of the frames' stamps, found where the vehicle turns unevenly, and taken out."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -8,7 +9,7 @@ import synthetic_flow
 
 from landing.options import EstimatorOptions
 from landing.plane.map_estimator import MapEstimator
-from landing.plane.plane import Plane, RotationError
+from landing.plane.plane import Plane, RotationError, RowsError
 from landing.plane.time_offset import TimeOffsetFilter
 from landing.rotations import log_so3, matrix_from_euler
 
@@ -153,3 +154,39 @@ def test_the_error_of_a_rotation_is_the_turn_at_both_ends():
     old, new = (swinging(views.view(k).time_s - s)[0] @ mount for k in (8, 0))
     error = log_so3(measured.T @ (old.T @ new))
     np.testing.assert_allclose(change[0] * s - change[1], error, atol=0.05 * np.linalg.norm(error))
+
+
+def rows_error(readout_s: float, applied_s: float = 0.0) -> RowsError:
+    """A fit whose residuals alone tell the readout to a millisecond, off by what is not applied yet."""
+    information = 1e6
+    score = information * (readout_s - applied_s)
+    nothing = np.zeros((2, 2))
+    return RowsError(
+        np.zeros(8), np.eye(8) * 1e-8, np.zeros(8), information, score, np.zeros(2), nothing, np.zeros(2)
+    )
+
+
+class Rolled(Seen):
+    """The same with a readout that has been applied to the tracks."""
+
+    def __init__(self, time_s: float, applied_s: float = 0.0):
+        super().__init__(time_s)
+        self.rows, self.readout_s = self, applied_s
+
+
+@pytest.mark.parametrize("applied_s", [0.0, 0.015])
+def test_residuals_tell_the_readout_and_the_rotation_the_lateness(applied_s: float):
+    found = TimeOffsetFilter(0.01, 0.0, 7e-4, 0.0, 0.016)
+    for k in range(200):
+        plane = dataclasses.replace(plane_of(Seen(0).change * 0.005), rows_error=rows_error(0.02, applied_s))
+        found.step(Rolled(k / RATE_HZ, applied_s), plane)
+    assert found.readout_s == pytest.approx(0.02, abs=3 * found.readout_std_s)
+    assert found.readout_std_s < 1e-3
+    assert found.late_s == pytest.approx(0.005, abs=1e-3)
+
+
+def test_a_readout_that_is_known_stays():
+    found = TimeOffsetFilter(0.01, 0.0, 7e-4, 0.018)
+    for k in range(50):
+        found.step(Rolled(k / RATE_HZ), dataclasses.replace(plane_of((0, 0, 0)), rows_error=rows_error(0.03)))
+    assert (found.readout_s, found.readout_std_s) == (0.018, 0.0)

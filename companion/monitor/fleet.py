@@ -1,0 +1,106 @@
+"""All vehicles at a glance, those first who need attention."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from html import escape
+
+from companion.messages.messages import Event
+from companion.monitor import words
+from companion.monitor.state import Vehicle, Watch
+
+LONGEST_REASON = 90
+
+
+@dataclass(frozen=True, slots=True)
+class Card:
+    """One vehicle in the fleet view; a lower ``rank`` needs attention sooner."""
+
+    rank: int
+    name: str
+    look: str
+    sign: str
+    word: str
+    reason: str
+    age: str
+    battery: str
+
+
+def card_of(vehicle: Vehicle, silent: bool, now_s: float) -> Card:
+    """What the fleet view shows of a vehicle."""
+    decision, health = vehicle.decision, vehicle.health
+    look = "unknown" if silent else words.look(decision, health, vehicle.estimate)
+    word = words.SILENT if silent else words.verdict(decision, health, vehicle.estimate)
+    against = words.against(decision, vehicle.estimate, health)
+    reason = against[0] if against else "nothing against it"
+    if silent:
+        reason = "last: " + words.verdict(decision, health, vehicle.estimate)
+    heard = vehicle.heard_s
+    age = "not heard yet" if heard is None else f"{words.duration(max(0.0, now_s - heard))} ago"
+    return Card(
+        rank=_rank(vehicle, silent, look),
+        name=vehicle.name,
+        look="silent" if silent else look,
+        sign=words.SIGNS["silent" if silent else look],
+        word=word,
+        reason=reason[:LONGEST_REASON],
+        age=age,
+        battery=words.battery(health),
+    )
+
+
+def in_order(cards: Iterable[Card]) -> list[Card]:
+    """By who needs attention, then by name."""
+    return sorted(cards, key=lambda card: (card.rank, card.name))
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What one refresh shows, copied under the lock so that it belongs together."""
+
+    cards: list[Card]
+    vehicle: Vehicle | None
+    silent: list[tuple[str, float]]
+    events: list[Event]
+
+
+def view_of(watch: Watch, chosen: str | None, now_s: float) -> View:
+    """The vehicles, the chosen one (the first that is heard while none is), and who is silent how long."""
+    watch.tick(now_s)
+    with watch.lock:
+        vehicles = sorted(watch.vehicles.values(), key=lambda v: v.name)
+        cards = in_order(card_of(v, watch.is_silent(v, now_s), now_s) for v in vehicles)
+        silent = [(v.name, now_s - v.silent_since_s) for v in vehicles if v.silent_since_s is not None]
+        vehicle = watch.vehicles.get(chosen) if chosen else None
+        if vehicle is None and chosen is None and vehicles:
+            vehicle = next((v for v in vehicles if not watch.is_silent(v, now_s)), vehicles[0])
+        return View(cards, vehicle, silent, list(vehicle.events) if vehicle else [])
+
+
+def card_html(card: Card) -> str:
+    """The inside of a card's button; every text of a vehicle is escaped."""
+    battery = f'<span class="fleet-age">{escape(card.battery)}</span>' if card.battery else ""
+    return (
+        f'<span class="sign is-{card.look}" aria-hidden="true">{card.sign}</span>'
+        f'<span class="fleet-name">{escape(words.clipped(card.name))}</span>'
+        f'<span class="fleet-word">{escape(words.clipped(card.word))}</span>'
+        f'<span class="fleet-reason">{escape(card.reason)}</span>'
+        f'<span class="fleet-age">{escape(card.age)}</span>{battery}'
+    )
+
+
+def _rank(vehicle: Vehicle, silent: bool, look: str) -> int:
+    """0 silent, 1 broken, 2 landing on what is not fit, 3 not fit, 4 degraded, 5 unknown, 6 all well."""
+    decision, health = vehicle.decision, vehicle.health
+    state = "ok" if health is None else health.state
+    landing = decision is not None and decision.requested
+    if silent:
+        return 0
+    if state == "failed":
+        return 1
+    if landing and look != "fit":
+        return 2
+    if look == "unfit":
+        return 3
+    if look == "caution" or state != "ok":
+        return 4
+    return 5 if look == "unknown" else 6

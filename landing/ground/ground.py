@@ -1,0 +1,180 @@
+"""The ground below, from frame to frame: relief into the map, and at its own rate what of it can be landed on."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from landing.estimate import SurfaceEstimate
+from landing.ground.map import CELL_M, CELLS, GroundMap
+from landing.ground.relief import DenseRelief
+from landing.ground.scale import Scale, along_normal
+from landing.ground.spots import UNKNOWN, Disc, Discs, GroundCode, Spot
+from landing.motion.views import Views
+from landing.observation import Observation
+from landing.options import GroundOptions
+from landing.plane.plane import Plane
+from landing.vision.camera import CameraModel
+
+Array = NDArray[np.float64]
+
+_STEP_M = 0.1
+"""Places of the way to the stopping point are so far apart."""
+_DISPUTED = 0.5
+"""Share of the recent looks that differ from which a cell is shown as disputed."""
+_NO_STOP = Disc(UNKNOWN, (GroundCode.NO_STOPPING_POINT,))
+
+
+@dataclass(frozen=True, slots=True)
+class GroundReport:
+    """What can be landed on at one frame: the discs ``below`` and at ``touchdown`` (from the vehicle), and spots."""
+
+    frame: int
+    time_s: float
+    place_ned: Array
+    below: Disc
+    touchdown: Disc
+    touchdown_north_m: float
+    touchdown_east_m: float
+    spots: tuple[Spot, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class MapView:
+    """The known part of the map: ``height_m`` (rows, columns), NaN where unknown, and ``state`` (rows, columns):
+    0 unknown, 1 measured, 2 measured with a landable disc about it, 3 looks disagree. The corner is north and east."""
+
+    north0_m: float
+    east0_m: float
+    height_m: Array
+    state: NDArray[np.uint8]
+
+
+class Ground:
+    """Feed it every frame; ``report`` says what it comes to."""
+
+    def __init__(self, options: GroundOptions, camera: CameraModel) -> None:
+        self.options, self._camera = options, camera
+        self.relief = DenseRelief(options, camera)
+        self.map = GroundMap(options, camera.focal_px)
+        self.scale = Scale()
+        self._last_s = math.nan
+        self._velocity: Array | None = None
+        self._velocity_std = math.nan
+        self._tilt_std_deg = math.nan
+
+    def step(self, views: Views, plane: Plane, observation: Observation, estimate: SurfaceEstimate) -> None:
+        """Take the frame that ``views`` and ``plane`` are of; ``estimate`` has its height."""
+        interval_s = observation.time_s - self._last_s
+        self._last_s = observation.time_s
+        ned_from_camera = views.newest.ned_from_camera
+        normal, known = plane.normal, bool(np.isfinite(plane.omega).all())
+        length = float(np.linalg.norm(normal))
+        approach = float(normal @ plane.omega) if known else math.nan
+        self.scale.step(
+            interval_s,
+            approach if known else 0.0,
+            along_normal(estimate.height_m, normal),
+            estimate.height_std_m / length,
+        )
+        distance_m = self.scale.distance_m * length
+        self._velocity, self._velocity_std = observation.velocity_ned, observation.velocity_std
+        self._tilt_std_deg = estimate.inclination_std_deg
+        way = None
+        if known and math.isfinite(distance_m) and ned_from_camera is not None:
+            way = ned_from_camera @ plane.omega * (distance_m * interval_s)
+        elif observation.velocity_ned is not None:
+            way = observation.velocity_ned * interval_s
+        self.map.move(observation.time_s, way if math.isfinite(interval_s) else np.zeros(3))
+        relief = self.relief.step(views, plane)
+        if relief is None or ned_from_camera is None or not math.isfinite(distance_m):
+            return
+        self.map.look(relief, ned_from_camera, distance_m)
+
+    def forget(self) -> None:
+        """What was seen does not hold: the pictures are not of what is below."""
+        self.map.forget()
+        self.scale.forget()
+
+    def report(self, frame: int) -> GroundReport:
+        """What can be landed on, at the newest frame."""
+        discs = self._discs()
+        north, east, up = self.map.place.tolist()
+        below = discs.at(*self.map.cell_of(north, east))
+        way = self._way()
+        if way is None:
+            touchdown, stop = _NO_STOP, (math.nan, math.nan)
+        else:
+            touchdown = discs.along(self.map, way)
+            stop = float(way[-1, 0] - north), float(way[-1, 1] - east)
+        return GroundReport(
+            frame,
+            self._last_s,
+            np.array((north, east, -up)),
+            below,
+            touchdown,
+            *stop,
+            discs.spots(self.map, 0.0),
+        )
+
+    def view(self) -> MapView | None:
+        """The known part of the map; None where there is none."""
+        rows, columns = (self.map.looks > 0).nonzero()
+        if not len(rows):
+            return None
+        part = slice(int(rows.min()), int(rows.max()) + 1), slice(int(columns.min()), int(columns.max()) + 1)
+        known = self.map.known[part]
+        state = known.astype(np.uint8)
+        state[known & self._discs().landable[part]] = 2
+        state[self.map.disputed[part] > _DISPUTED] = 3
+        north, east = self.map.corner_m
+        return MapView(
+            north + part[0].start * CELL_M,
+            east + part[1].start * CELL_M,
+            np.where(known, self.map.height[part], math.nan),
+            state,
+        )
+
+    def touchdown(self) -> Disc:
+        """The worst disc from straight below to the stopping point, at the newest frame."""
+        way = self._way()
+        if way is None:
+            return _NO_STOP
+        cells = [row * CELLS + column for row, column in (self.map.cell_of(*place) for place in way.tolist())]
+        inside = np.unique([cell for cell in cells if 0 <= cell < CELLS * CELLS]).astype(np.intp)
+        return self._discs(inside).along(self.map, way)
+
+    def _discs(self, cells: NDArray[np.intp] | None = None) -> Discs:
+        return Discs(self.map, self.options, self._tilt_std_deg, self.scale.relative_std, cells)
+
+    def _way(self) -> Array | None:
+        """Places (n, 2) from the vehicle to its stopping point, in the map's axes; None without a velocity."""
+        stop = self._stopping_point()
+        if stop is None:
+            return None
+        north, east = self.map.place[:2].tolist()
+        count = max(2, math.ceil(math.hypot(*stop) / _STEP_M) + 1)
+        return np.linspace((north, east), (north + stop[0], east + stop[1]), count)
+
+    def _stopping_point(self) -> tuple[float, float] | None:
+        """Where ArduCopter's LAND stops, north and east of the vehicle, m; None without a velocity."""
+        if self._velocity is None:
+            return None
+        north, east = self._velocity[:2].tolist()
+        speed = math.hypot(north, east)
+        way = stopping_distance(speed)
+        if not math.isfinite(way):
+            return None
+        return (north * way / speed, east * way / speed) if speed > 0 else (0.0, 0.0)
+
+
+_GAIN, _BRAKING = 1.0, 2.5
+
+
+def stopping_distance(speed: float) -> float:
+    """How far ArduCopter's position controller goes on from a speed in m/s (PSC_POSXY_P 1, WPNAV_ACCEL 250)."""
+    linear = _BRAKING / _GAIN
+    if speed <= linear:
+        return speed / _GAIN
+    return linear / (2 * _GAIN) + speed * speed / (2 * _BRAKING)

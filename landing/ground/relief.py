@@ -1,0 +1,305 @@
+"""Dense relief of the view: plane plus parallax, block by block.
+
+An older picture is warped by the plane's homography, so that the plane stands still. What still moves, moves along the
+parallax direction by its height over the plane (Irani and Anandan, "Parallax geometry of pairs of points for 3D scene
+analysis", 1996); what moves across it is noise, a wrong match, or an object that moves by itself. Dense inverse search
+(OpenCV's DIS optical flow) finds the motion, and one least-squares step along the parallax direction makes a height of
+it whose error follows from the texture and the noise of the two pictures themselves.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from landing.motion.motion import OverPlane
+from landing.motion.views import Views
+from landing.options import GroundOptions
+from landing.plane.plane import Plane
+from landing.rotations import exp_so3
+from landing.vision.camera import CameraModel
+from landing.vision.homography import Warp, apply, towards
+
+Array = NDArray[np.float64]
+Image = NDArray[Any]
+
+BLOCK = 8
+"""Side of a block, px."""
+SUPPORT = 2 * BLOCK
+"""Side of the window that a block's match is taken over, px."""
+KEPT = 40
+"""Pictures kept; the gap looked back over is at most one less."""
+_FRAMES_APART = 3
+"""Frames from look to look at least: what a look costs is spread over them."""
+_SAMPLE = 40
+_INDEPENDENT = 0.25
+"""Share of a window's pixels whose noise counts as independent: interpolation and compression spread it."""
+_SOBEL_NOISE = 12 / 64
+"""Variance of a Sobel derivative (weights over eight) of noise of variance one."""
+_SIGNIFICANT = 3.0
+"""Standard errors by which the common gradient energy of two pictures must exceed that of noise alone."""
+_LOCKING_PX = 0.04
+"""Error of a match that no texture helps against."""
+_STEP_PX = 1.0
+"""Longest last step of a match, and largest disagreement of its two ways; beyond it the match is refused."""
+_MOVING = 4.0
+"""Residual across the parallax, in its own standard deviations, from which a block moves by itself."""
+_MOVING_PX = 0.5
+_NO_SECOND_MAP = np.empty((0, 0), np.float32)
+
+
+@dataclass(frozen=True, slots=True)
+class ViewRelief:
+    """One look at the ground, a row a block of the picture (n blocks, row by row).
+
+    ``points`` (n, 2) are the blocks' middles, normalised, in the newest frame; ``depth`` (n,) the distance along the
+    axis over that of the plane at the axis, NaN where it is not known; ``std`` (n,) one sigma of it. ``moving`` (n,)
+    marks what moves against the ground. ``fresh`` is the motion since the last look over that of the baseline, at most
+    one: looks over the same baseline share their errors.
+    """
+
+    points: Array
+    depth: Array
+    std: Array
+    moving: NDArray[np.bool_]
+    fresh: float
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Which blocks (n,) have a height."""
+        return np.isfinite(self.depth)
+
+
+class DenseRelief:
+    """Looks at the relief of the whole view whenever the view has moved on enough."""
+
+    def __init__(self, options: GroundOptions, camera: CameraModel) -> None:
+        self.options, self.camera = options, camera
+        self._images: deque[Image] = deque(maxlen=KEPT)
+        self._warp = Warp(camera)
+        self._flow = _dis(camera.width)
+        self._rows, self._columns = camera.height // BLOCK, camera.width // BLOCK
+        x = np.arange(self._columns) * BLOCK + (BLOCK - 1) / 2
+        y = np.arange(self._rows) * BLOCK + (BLOCK - 1) / 2
+        self._centres = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        self.points = camera.undistort(self._centres)
+        height, width = self._rows * BLOCK, self._columns * BLOCK
+        self._size = (height, width)
+        self._grid = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
+        self.mask = np.zeros(len(self._centres), bool)
+        """Blocks (n,) that never show the ground."""
+        self._moved, self._frames = math.inf, 0
+
+    @property
+    def target_px(self) -> float:
+        """Flow that is looked back over."""
+        return self.options.baseline * self.camera.width
+
+    def step(self, views: Views, plane: Plane) -> ViewRelief | None:
+        """The relief at the newest frame; None between looks, and where the motion shows none."""
+        self._images.appendleft(views.tracker.images[0])
+        self._frames += 1
+        if plane.status != "ok" or not np.isfinite(plane.omega).all():
+            self._moved = math.inf
+            return None
+        if views.longest >= 1:
+            interval_s = views.newest.time_s - views.view(1).time_s
+            self._moved += float(np.linalg.norm(plane.omega)) * interval_s * self.camera.focal_px
+        if self._moved < self.options.look_step * self.target_px or self._frames < _FRAMES_APART:
+            return None
+        gap = self._gap(views)
+        motion = None if gap is None else self._motion(views, plane, gap)
+        if gap is None or motion is None:
+            return None
+        fresh = min(1.0, self._moved / self.target_px)
+        self._moved, self._frames = 0.0, 0
+        return self.look(self._images[0], self._images[gap], plane.normal, *motion, fresh)
+
+    def _gap(self, views: Views) -> int | None:
+        """The gap whose flow is nearest to the one wanted; None where none is near."""
+        gaps, _, flow = views.profile(24, 0.3, _SAMPLE)
+        flow_px = flow[gaps < len(self._images)] * self.camera.focal_px
+        if not len(flow_px):
+            return None
+        best = int(np.abs(flow_px - self.target_px).argmin())
+        if not 0.5 * self.target_px <= flow_px[best] <= 2.0 * self.target_px:
+            return None
+        return int(gaps[best])
+
+    def _motion(self, views: Views, plane: Plane, gap: int) -> tuple[Array, Array] | None:
+        """Displacement over height t (3,) from the newest to the older frame, and old_from_new (3, 3)."""
+        rotation = views.rotation(gap)
+        if rotation is None:
+            return None
+        tracks, derotated = views.stack(np.array([gap]))
+        weight = plane.weights(len(views.tracker.alive)).take(tracks.slots)
+        noise = plane.noise if math.isfinite(plane.noise) else 1.0
+        over = OverPlane(tracks.new, derotated, plane.normal, tracks.whitener, turns=True)
+        found = over.displacement(weight, np.full(3, views.baseline_std(gap) / (2 * noise)))
+        if found is None:
+            return None
+        return found[0][0, :3], rotation @ exp_so3(found[0][0, 3:])
+
+    def look(
+        self, new: Image, old: Image, normal: Array, t: Array, old_from_new: Array, fresh: float = 1.0
+    ) -> ViewRelief:
+        """The relief in ``new`` (height, width) against ``old``, over a plane of the normal (3,) at distance one.
+
+        ``t`` (3,) is the displacement from the newest to the older frame over height, in the newest frame's axes, and
+        ``old_from_new`` (3, 3) the rotation.
+        """
+        height, width = self._size
+        new = new[:height, :width]
+        old_from_this = old_from_new @ towards(t, normal)
+        places = self._warp.places(old_from_this)[:height, :width]
+        warped = cv2.remap(old, places, _NO_SECOND_MAP, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+        forth = self._flow.calc(new, warped, None)
+        back = self._flow.calc(warped, new, None)
+        # OpenCV 5.0.0 interpolates linearly at wrong places where both coordinates come in one map
+        x, y = (cv2.add(part, forth[..., k]) for k, part in enumerate(self._grid))
+        aligned = cv2.remap(warped, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        flow = _blocks(forth)
+        usable = self._both_ways(flow, back) & self._inside(places, flow, old.shape) & ~self.mask
+        along, per_normalised = self._parallax(t)
+        match = _match(new, aligned, flow, along)
+        usable &= match.converged
+        std_px = match.std_px
+        found = self.points + (match.along_px / per_normalised)[:, None] * self._direction(t)
+        depth, per_step = _depth(self.points, found, t, normal)
+        std = per_step * std_px / self.camera.focal_px
+        across = np.abs(match.across_px)
+        moving = usable & (across > _MOVING_PX) & (across > _MOVING * match.across_std_px)
+        relative = std / np.abs(depth)
+        usable &= ~moving & (depth > 0) & (relative <= self.options.max_std)
+        return ViewRelief(
+            self.points,
+            np.where(usable, depth, math.nan),
+            np.where(usable, std, math.nan),
+            moving,
+            fresh,
+        )
+
+    def _both_ways(self, flow: Array, back: Image) -> NDArray[np.bool_]:
+        """Blocks (n,) whose flow (n, 2) leads back to where it began."""
+        height, width = self._size
+        to = self._centres + flow
+        x = np.clip(np.rint(to[:, 0]), 0, width - 1).astype(np.intp)
+        y = np.clip(np.rint(to[:, 1]), 0, height - 1).astype(np.intp)
+        left = flow + back[y, x]
+        return np.asarray(np.hypot(left[:, 0], left[:, 1]) <= _STEP_PX)
+
+    def _inside(self, places: NDArray[np.float32], flow: Array, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+        """Blocks (n,) whose window lies in the older picture."""
+        x, y = np.rint(self._centres + flow).astype(np.intp).T
+        height, width = self._size
+        inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+        there = places[y.clip(0, height - 1), x.clip(0, width - 1)]
+        margin = SUPPORT / 2
+        inside &= (there >= margin).all(axis=1)
+        inside &= (there[:, 0] <= shape[1] - 1 - margin) & (there[:, 1] <= shape[0] - 1 - margin)
+        return inside
+
+    def _direction(self, t: Array) -> Array:
+        """Unit vectors (n, 2) along the parallax, normalised coordinates: away from or towards the epipole."""
+        away = t[:2] - self.points * t[2]
+        return away / np.maximum(np.linalg.norm(away, axis=1), 1e-12)[:, None]
+
+    def _parallax(self, t: Array) -> tuple[Array, Array]:
+        """Unit vectors (n, 2) along the parallax in pixels, and pixels a normalised unit there (n,)."""
+        step = 1.0 / self.camera.focal_px
+        moved = self.camera.project(self.points + step * self._direction(t)) - self._centres
+        length = np.hypot(moved[:, 0], moved[:, 1])
+        return moved / length[:, None], length / step
+
+
+@dataclass(frozen=True, slots=True)
+class _Match:
+    """Motion along and across the parallax (n,) px with its standard deviations; whether the search has ended."""
+
+    along_px: Array
+    std_px: Array
+    across_px: Array
+    across_std_px: Array
+    converged: NDArray[np.bool_]
+
+
+def _match(new: Image, aligned: Image, flow: Array, along: Array) -> _Match:
+    """One step of least squares from the flow (n, 2) px on, bound to the parallax ``along`` (n, 2)."""
+    first, second = (cv2.spatialGradient(image) for image in (new, aligned))
+    residual = cv2.subtract(aligned, new, dtype=cv2.CV_32F)
+    mean_x, mean_y = (
+        cv2.addWeighted(a, 1 / 16, b, 1 / 16, 0.0, dtype=cv2.CV_32F)
+        for a, b in zip(first, second, strict=True)
+    )
+
+    def common(a: int, b: int) -> Array:
+        # of both pictures: what is noise in one is not in the other
+        return _windows(cv2.multiply(first[a], second[b], scale=1 / 64, dtype=cv2.CV_32F))
+
+    xx, yy, xy = common(0, 0), common(1, 1), 0.5 * (common(0, 1) + common(1, 0))
+    right_x, right_y = (_windows(cv2.multiply(g, residual)) for g in (mean_x, mean_y))
+    square = _windows(cv2.multiply(residual, residual))
+    ux, uy = along.T
+    texture = ux * ux * xx + 2 * ux * uy * xy + uy * uy * yy
+    cross = (uy * uy - ux * ux) * xy + ux * uy * (xx - yy)
+    other = uy * uy * xx - 2 * ux * uy * xy + ux * ux * yy
+    # across is (uy, -ux)
+    right, right_other = ux * right_x + uy * right_y, uy * right_x - ux * right_y
+    flow_along, flow_across = (flow * along).sum(axis=1), uy * flow[:, 0] - ux * flow[:, 1]
+    count = _INDEPENDENT * SUPPORT**2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        step = (cross * flow_across - right) / texture
+        explained = np.clip(right * right / texture, 0.0, 0.5 * square)
+        noise = np.maximum(square - explained, 0.1) / 2
+        doubt = _SIGNIFICANT * _SOBEL_NOISE * noise / math.sqrt(count)
+        std = np.sqrt(2 * noise / (count * np.maximum(texture - doubt, 1e-9)) + _LOCKING_PX**2)
+        # what of a motion across the parallax the texture shows apart from one along it
+        free = np.maximum(other - cross * cross / np.maximum(texture, 1e-9), 1e-9)
+        across = flow_across - (right_other - cross * right / texture) / free
+        across_std = np.sqrt(2 * noise / (count * np.maximum(free - doubt, 1e-9)) + _LOCKING_PX**2)
+    converged = (texture > doubt) & (np.abs(step) <= _STEP_PX) & np.isfinite(step)
+    return _Match(flow_along + step, std, np.where(np.isfinite(across), across, 0.0), across_std, converged)
+
+
+def _depth(points: Array, found: Array, t: Array, normal: Array) -> tuple[Array, Array]:
+    """Distance (n,) along the axis over the plane's, and its change (n,) with a normalised step of ``found`` (n, 2).
+
+    ``found`` is where the points (n, 2) are in the older picture as the plane's homography warps it. With d the
+    plane's distance over the point's, both seen from the newest frame, x' - x = d (x' tz - tx), y' alike.
+    """
+    old = apply(towards(t, normal), found)
+    reach = old * t[2] - t[:2]
+    length2 = np.maximum((reach * reach).sum(axis=1), 1e-18)
+    inverse = ((old - points) * reach).sum(axis=1) / length2
+    with np.errstate(divide="ignore"):
+        depth = 1.0 / inverse
+    return depth, depth * depth / np.sqrt(length2)
+
+
+def _blocks(picture: Image) -> Array:
+    """Means (n, ...) over blocks."""
+    rows, columns = picture.shape[0] // BLOCK, picture.shape[1] // BLOCK
+    small = cv2.resize(picture, (columns, rows), interpolation=cv2.INTER_AREA)
+    return small.reshape(rows * columns, *small.shape[2:]).astype(np.float64)
+
+
+def _windows(picture: Image) -> Array:
+    """Means (n,) over windows of twice a block's side about the blocks."""
+    rows, columns = picture.shape[0] // BLOCK, picture.shape[1] // BLOCK
+    small = cv2.resize(picture, (columns, rows), interpolation=cv2.INTER_AREA)
+    wide = cv2.sepFilter2D(small, -1, _TAPER, _TAPER, borderType=cv2.BORDER_REPLICATE)
+    return np.asarray(wide.ravel(), np.float64)
+
+
+_TAPER = np.array((0.25, 0.5, 0.25), np.float32)
+
+
+def _dis(width: int) -> Any:
+    """Dense inverse search whose finest level has about 80 columns, as is measured to be fast and fine enough."""
+    flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)
+    flow.setFinestScale(max(0, round(math.log2(width / 80))))
+    return flow

@@ -1,0 +1,246 @@
+"""Where the vehicle can stand: the disc of its own size about every cell of the ground map, judged by the same rules.
+
+A disc is a least-squares plane through its known cells: the plane's inclination, the largest distance of a cell from
+it (the step), and the share of the disc that is known. It is landable when all three are sure to be within limits, a
+hazard when one is sure to be beyond, and unknown else.
+"""
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from landing.ground.map import CELL_M, CELLS, GroundMap
+from landing.options import GroundOptions
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+NAN = math.nan
+_MOST_SPOTS = 5
+_LOOKED_AT = 0.3
+"""Known share of a disc from which it may turn out a hazard."""
+_INDEPENDENT_CELLS = 9
+"""Cells of a disc whose errors count as independent: neighbours share the windows of their matches."""
+_NEAR_M, _FAR_HAZARD_M = 0.5, 1.0
+"""A metre of distance counts as much as half a metre of clearance; beyond a metre clearance does not matter."""
+
+
+class GroundCode(StrEnum):
+    """Why a disc is not landable."""
+
+    NO_METRES = "no_metres"
+    NO_STOPPING_POINT = "no_stopping_point"
+    NOT_SEEN = "not_seen"
+    STEEP = "steep"
+    MAY_BE_STEEP = "may_be_steep"
+    STEP = "step"
+    MAY_BE_STEP = "may_be_step"
+
+
+LANDABLE, HAZARD, UNKNOWN = "landable", "hazard", "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class Disc:
+    """A disc of ground: ``verdict`` "landable", "hazard" or "unknown", why, and what was measured (NaN: nothing)."""
+
+    verdict: str
+    reasons: tuple[GroundCode, ...]
+    inclination_deg: float = NAN
+    inclination_std_deg: float = NAN
+    step_m: float = NAN
+    known: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Spot:
+    """A landable disc, from the vehicle; ``clearance_m``: how far its edge is from what is not landable."""
+
+    north_m: float
+    east_m: float
+    radius_m: float
+    inclination_deg: float
+    step_m: float
+    clearance_m: float
+
+
+class Discs:
+    """The discs about cells of a map: ``known``, ``inclination_deg``, ``step_m``, ... (rows, columns)."""
+
+    def __init__(
+        self,
+        ground: GroundMap,
+        options: GroundOptions,
+        tilt_std_deg: float,
+        scale_std: float,
+        cells: NDArray[np.intp] | None = None,
+    ) -> None:
+        """``tilt_std_deg``: error of level, one sigma; ``scale_std``: relative error of metres.
+
+        ``cells`` (n,) are flat indices; without them every disc is worked out of which enough is known.
+        """
+        self.options, self._tilt_std_deg = options, tilt_std_deg
+        self._metres = math.isfinite(scale_std) and scale_std <= options.max_scale_std
+        reach = math.floor(options.landing_radius_m / CELL_M + 0.5)
+        offset = np.arange(-reach, reach + 1)
+        down, across = np.meshgrid(offset, offset, indexing="ij")
+        inside = np.hypot(down, across) * CELL_M <= options.landing_radius_m + CELL_M / 2
+        self._down, self._across = down[inside], across[inside]
+        known = ground.known
+        shape = known.shape
+        # what is not seen over two cells a side could hide a step
+        gaps = cv2.morphologyEx((~known).astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
+        self.known, self.hidden = np.zeros(shape), np.ones(shape, bool)
+        self.inclination_deg, self.step_m, self.least_step_m, self.std_m = (
+            np.full(shape, NAN) for _ in range(4)
+        )
+        if cells is None:
+            seen = cv2.filter2D(
+                known.astype(np.float32), -1, inside.astype(np.float32), borderType=cv2.BORDER_CONSTANT
+            )
+            cells = np.flatnonzero(seen >= _LOOKED_AT * len(self._down))
+        if len(cells):
+            self._fit(ground, known, gaps, cells)
+
+    def _fit(self, ground: GroundMap, known: Mask, gaps: NDArray[Any], cells: NDArray[np.intp]) -> None:
+        """Least-squares planes of discs; heights count from that of each disc's middle of what is known."""
+        row, column = (part[:, None] for part in np.divmod(cells, CELLS))
+        r, c = row + self._down, column + self._across
+        within = (r >= 0) & (r < CELLS) & (c >= 0) & (c < CELLS)
+        at = np.where(within, r * CELLS + c, 0)
+        there = within & known.ravel()[at]
+        share = there.mean(axis=1)
+        self.known.ravel()[cells] = share
+        self.hidden.ravel()[cells] = (within & (gaps.ravel()[at] > 0)).any(axis=1)
+        some = share >= _LOOKED_AT
+        if not some.any():
+            return
+        cells, there, at = cells[some], there[some], at[some]
+        weight = there.astype(np.float64)
+        count = weight.sum(axis=1)
+        height = np.where(there, ground.height.ravel()[at], 0.0)
+        height -= (height.sum(axis=1) / count)[:, None]
+        height *= weight
+        variance = np.where(there, ground.variance.ravel()[at], 0.0)
+        x, y = self._down * CELL_M, self._across * CELL_M
+        mx, my = weight @ x / count, weight @ y / count
+        cxx = weight @ (x * x) - count * mx * mx
+        cxy = weight @ (x * y) - count * mx * my
+        cyy = weight @ (y * y) - count * my * my
+        # the heights' mean is nothing
+        bx, by = height @ x, height @ y
+        determinant = np.maximum(cxx * cyy - cxy * cxy, 1e-12)
+        north = (cyy * bx - cxy * by) / determinant
+        east = (cxx * by - cxy * bx) / determinant
+        off = height - (north[:, None] * (x - mx[:, None]) + east[:, None] * (y - my[:, None]))
+        np.abs(off, out=off)
+        off *= weight
+        sure = off - self.options.sigmas * np.sqrt(variance)
+        self.inclination_deg.ravel()[cells] = np.degrees(np.arctan(np.hypot(north, east)))
+        self.step_m.ravel()[cells] = off.max(axis=1)
+        self.least_step_m.ravel()[cells] = sure.max(axis=1)
+        self.std_m.ravel()[cells] = np.sqrt(variance.sum(axis=1) / count)
+
+    @property
+    def inclination_std_deg(self) -> Array:
+        """Standard deviation (rows, columns)."""
+        lever = self.options.landing_radius_m / 2 * math.sqrt(_INDEPENDENT_CELLS)
+        return np.hypot(self._tilt_std_deg, np.degrees(self.std_m / lever))
+
+    @property
+    def landable(self) -> Mask:
+        """Cells whose disc is landable. Every comparison fails on NaN."""
+        o = self.options
+        steepest = self.inclination_deg + o.sigmas * self.inclination_std_deg
+        return np.asarray(
+            self._metres
+            & (self.known >= o.min_known)
+            & ~self.hidden
+            & (steepest <= o.max_inclination_deg)
+            & (self.step_m <= o.max_step_m)
+        )
+
+    def at(self, row: int, column: int) -> Disc:
+        """The disc about a cell; unknown outside of the grid."""
+        if not (0 <= row < CELLS and 0 <= column < CELLS):
+            return Disc(UNKNOWN, (GroundCode.NOT_SEEN,))
+        o = self.options
+        known, inclination = float(self.known[row, column]), float(self.inclination_deg[row, column])
+        inclination_std = float(self.inclination_std_deg[row, column])
+        step, least_step = float(self.step_m[row, column]), float(self.least_step_m[row, column])
+        doubt = o.sigmas * inclination_std
+        reasons = []
+        if not self._metres:
+            reasons.append(GroundCode.NO_METRES)
+        if not known >= o.min_known or self.hidden[row, column]:
+            reasons.append(GroundCode.NOT_SEEN)
+        if inclination - doubt > o.max_inclination_deg:
+            reasons.append(GroundCode.STEEP)
+        elif not inclination + doubt <= o.max_inclination_deg:
+            reasons.append(GroundCode.MAY_BE_STEEP)
+        if least_step > o.max_step_m:
+            reasons.append(GroundCode.STEP)
+        elif not step <= o.max_step_m:
+            reasons.append(GroundCode.MAY_BE_STEP)
+        if GroundCode.NOT_SEEN in reasons and not math.isfinite(inclination):
+            reasons = [code for code in reasons if code in (GroundCode.NO_METRES, GroundCode.NOT_SEEN)]
+        hazard = self._metres and (GroundCode.STEEP in reasons or GroundCode.STEP in reasons)
+        verdict = HAZARD if hazard else UNKNOWN if reasons else LANDABLE
+        return Disc(verdict, tuple(reasons), inclination, inclination_std, step, known)
+
+    def along(self, ground: GroundMap, places: Array) -> Disc:
+        """The worst disc about places (n, 2), north and east in the map's axes."""
+        cells = dict.fromkeys(ground.cell_of(float(n), float(e)) for n, e in places)
+        return worst([self.at(row, column) for row, column in cells])
+
+    def spots(self, ground: GroundMap, place_std_m: float) -> tuple[Spot, ...]:
+        """Landable discs, best first: far from what is not landable, level, near the vehicle.
+
+        Only discs that stay landable when they lie ``place_std_m`` (one sigma) elsewhere.
+        """
+        landable = self.landable
+        if not landable.any():
+            return ()
+        clearance = cv2.distanceTransform(landable.astype(np.uint8), cv2.DIST_L2, 5) * CELL_M
+        row, column = (clearance > CELL_M + self.options.sigmas * place_std_m).nonzero()
+        if not len(row):
+            return ()
+        corner_north, corner_east = ground.corner_m
+        north = corner_north + (row + 0.5) * CELL_M - ground.place[0]
+        east = corner_east + (column + 0.5) * CELL_M - ground.place[1]
+        clear = clearance[row, column].astype(np.float64)
+        inclination, step = self.inclination_deg[row, column], self.step_m[row, column]
+        merit = np.minimum(clear, _FAR_HAZARD_M) - _NEAR_M * np.hypot(north, east)
+        merit -= inclination / self.options.max_inclination_deg + step / self.options.max_step_m
+        found: list[Spot] = []
+        for k in np.argsort(-merit, kind="stable"):
+            if all(
+                math.hypot(north[k] - s.north_m, east[k] - s.east_m) >= 2 * self.options.landing_radius_m
+                for s in found
+            ):
+                found.append(
+                    Spot(
+                        float(north[k]),
+                        float(east[k]),
+                        self.options.landing_radius_m,
+                        float(inclination[k]),
+                        float(step[k]),
+                        float(clear[k]),
+                    )
+                )
+                if len(found) == _MOST_SPOTS:
+                    break
+        return tuple(found)
+
+
+def worst(discs: list[Disc]) -> Disc:
+    """The one that speaks most against landing; unknown when there is none."""
+    order = {HAZARD: 0, UNKNOWN: 1, LANDABLE: 2}
+    return min(
+        discs, key=lambda d: (order[d.verdict], d.known), default=Disc(UNKNOWN, (GroundCode.NOT_SEEN,))
+    )

@@ -1,0 +1,61 @@
+"""Every rule of the permission and of the command's state, removed once, is missed by some test of theirs."""
+
+import importlib.util
+from types import ModuleType
+
+import mutation
+from places import REPOSITORY
+
+import companion.core.command as command
+import landing.decision.permission as permission
+
+
+def table_of(path: str) -> ModuleType:
+    """A test module, for its tables."""
+    spec = importlib.util.spec_from_file_location(path.replace("/", "_"), REPOSITORY / "tests" / f"{path}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_every_rule_of_the_permission_is_needed() -> None:
+    table = table_of("landing/decision/test_permission")
+    tests = [
+        getattr(table, name)
+        for name in (
+            "test_every_rule_that_stands_against_it_is_told",
+            "test_whether_it_was_used_is_kept_until_the_switch_is_off",
+        )
+    ]
+
+    def passes() -> bool:
+        for switch, steps, expected in table.TRANSITIONS:
+            if table.state(table.after(switch, *steps)) != expected:
+                return False
+        for switch, steps, code in table.OBJECTIONS:
+            table.test_what_the_permission_objects(switch, steps, code)
+        for change, words in table.RULES:
+            table.test_each_rule_of_the_gate_withholds_by_itself_and_says_so(change, words)
+        for change in table.OPEN:
+            table.test_the_gate_is_open(change)
+        for test in tests:
+            test()
+        return True
+
+    assert mutation.survivors(permission, passes) == []
+
+
+def test_every_rule_of_the_command_is_needed() -> None:
+    table = table_of("companion/core/test_command_state")
+
+    def passes() -> bool:
+        for samples, states in table.STORIES:
+            if table.followed(*samples) != states:
+                return False
+        table.test_a_command_under_way_is_never_forgotten()
+        table.test_only_what_went_wrong_is_a_warning()
+        return command.CommandState().feed(table.answer("ACCEPTED")) == []
+
+    assert mutation.survivors(command, passes) == []

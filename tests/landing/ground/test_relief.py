@@ -1,0 +1,107 @@
+"""Dense relief on scenes of known heights: boxes and pits are found, and what is not seen is unknown, never even."""
+
+import math
+
+import numpy as np
+import pytest
+from ground_scene import CAMERA, Patch, Scene
+
+from landing.ground.relief import DenseRelief, ViewRelief
+from landing.options import GroundOptions
+
+HEIGHT = 2.0
+WAY = 0.15
+LEVEL = np.array((0.0, 0.0, 1.0))
+
+
+def looked(scene: Scene, old_scene: Scene | None = None, way: float = WAY) -> ViewRelief:
+    """A look from 2 m up, after a way to the north."""
+    new = scene.picture(np.array((0.0, 0.0, HEIGHT)), frame=1)
+    old = (old_scene or scene).picture(np.array((-way, 0.0, HEIGHT)), frame=2)
+    # the camera's y is south: the older frame lies there
+    t = np.array((0.0, way / HEIGHT, 0.0))
+    return DenseRelief(GroundOptions(), CAMERA).look(new, old, LEVEL, t, np.eye(3))
+
+
+def places(relief: ViewRelief) -> tuple[np.ndarray, np.ndarray]:
+    """North and east (n,) where the blocks lie on level ground."""
+    return -relief.points[:, 1] * HEIGHT, relief.points[:, 0] * HEIGHT
+
+
+def heights(relief: ViewRelief) -> np.ndarray:
+    """Metres over the level ground (n,)."""
+    return (1 - relief.depth) * HEIGHT
+
+
+def test_level_ground_is_level_and_its_errors_are_what_they_are_said_to_be() -> None:
+    relief = looked(Scene())
+    known = relief.known
+    assert known.mean() > 0.6
+    found = heights(relief)[known]
+    assert abs(np.median(found)) < 0.015  # matches lock to whole pixels by up to 0.05 px
+    normalised = found / (relief.std[known] * HEIGHT)
+    assert 0.3 < np.sqrt(np.mean(normalised**2)) < 1.5
+    assert not relief.moving.any()
+
+
+@pytest.mark.parametrize("top", [0.12, 0.3, -0.2, -0.4])
+def test_a_box_and_a_pit_are_found_with_their_height(top: float) -> None:
+    relief = looked(Scene((Patch(0.1, 0.0, 0.5, 0.5, top),)))
+    north, east = places(relief)
+    # where its top is seen from above, well inside
+    shrink = 1 - top / HEIGHT
+    middle = (np.abs(north * shrink - 0.1) < 0.12) & (np.abs(east * shrink) < 0.12)
+    found = heights(relief)[middle & relief.known]
+    assert len(found) >= 4
+    assert np.median(found) == pytest.approx(top, abs=0.02 + 0.08 * abs(top))
+
+
+def test_ground_without_texture_is_unknown_though_its_surroundings_are_even() -> None:
+    relief = looked(Scene((Patch(0.1, 0.0, 0.7, 0.7, 0.2, smooth=True),)))
+    north, east = places(relief)
+    inside = (np.abs(north - 0.1) < 0.22) & (np.abs(east) < 0.22)
+    assert inside.sum() >= 9
+    assert not relief.known[inside].any()
+    assert relief.known.mean() > 0.4
+
+
+def test_noise_alone_is_no_texture() -> None:
+    relief = looked(Scene(smooth=True, noise=8.0))
+    assert relief.known.mean() < 0.02
+
+
+def test_what_was_not_in_the_older_picture_is_unknown() -> None:
+    relief = looked(Scene())
+    north, _ = places(relief)
+    newest = north > north.max() - WAY
+    assert newest.any()
+    assert not relief.known[newest].any()
+
+
+def test_what_moves_across_the_parallax_is_marked_and_not_known() -> None:
+    relief = looked(Scene((Patch(0.1, 0.03, 0.6, 0.6, 0.02),)), Scene((Patch(0.1, 0.0, 0.6, 0.6, 0.02),)))
+    north, east = places(relief)
+    inside = (np.abs(north - 0.1) < 0.15) & (np.abs(east) < 0.15)
+    assert relief.moving[inside].mean() > 0.5
+    assert not relief.known[relief.moving].any()
+
+
+def test_other_ground_in_the_older_picture_is_not_matched() -> None:
+    relief = looked(Scene(seed=1), Scene(seed=2))
+    assert relief.known.mean() < 0.1
+
+
+def test_a_mask_is_never_ground() -> None:
+    dense = DenseRelief(GroundOptions(), CAMERA)
+    dense.mask[:40] = True
+    scene = Scene()
+    new, old = (scene.picture(np.array((n, 0.0, HEIGHT)), frame=k) for k, n in enumerate((0.0, -WAY)))
+    relief = dense.look(new, old, LEVEL, np.array((0.0, WAY / HEIGHT, 0.0)), np.eye(3))
+    assert not relief.known[:40].any()
+    assert relief.known[40:].mean() > 0.5
+
+
+def test_without_motion_there_is_no_height() -> None:
+    relief = looked(Scene(), way=1e-5)
+    assert not relief.known.any()
+    assert all(math.isnan(depth) for depth in relief.depth)

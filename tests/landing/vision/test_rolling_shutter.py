@@ -1,0 +1,69 @@
+"""Places of tracks at their frame's time, against points followed exactly through each row's own moment."""
+
+import numpy as np
+import pytest
+
+from landing.options import TrackingOptions
+from landing.rotations import exp_so3
+from landing.vision.camera import CameraModel
+from landing.vision.rolling_shutter import Motion, Rows
+from landing.vision.tracking import FeatureTracker
+
+FOCAL_PX = 256.0
+TURN = np.array((0.3, -0.5, 0.15))
+MOTION = Motion(np.array((0.4, -0.7, 0.3)), np.array((0.2, -0.1, 1.0)))
+
+
+def rolled(camera: CameraModel, points: np.ndarray) -> np.ndarray:
+    """Where points (n, 2) of the middle row's time are in the picture; the row that sees each is iterated for."""
+    assert camera.readout_s is not None
+    p = np.column_stack((points, np.ones(len(points))))
+    seen = points
+    for _ in range(20):
+        dt = (camera.project(seen)[:, 1] / (camera.height - 1) - 0.5) * camera.readout_s
+        moved = np.array(
+            [
+                exp_so3(-TURN * t) @ (q - MOTION.omega * t * (MOTION.normal @ q))
+                for q, t in zip(p, dt, strict=True)
+            ]
+        )
+        seen = moved[:, :2] / moved[:, 2:]
+    return seen
+
+
+def rows_of(camera: CameraModel, picture: np.ndarray) -> Rows:
+    tracker = FeatureTracker(camera, TrackingOptions(max_features=len(picture)))
+    tracker.frame = 0
+    tracker.alive[:] = True
+    tracker.history[0] = picture
+    tracker.pixel_history[0] = camera.project(picture)
+    return Rows(camera, tracker)
+
+
+@pytest.mark.parametrize("readout_s", [0.018, -0.018])
+def test_points_are_where_they_were_at_the_middle_rows_time(readout_s: float):
+    camera = CameraModel.from_focal(320, 240, FOCAL_PX, readout_s=readout_s)
+    points = np.random.default_rng(1).uniform((-0.5, -0.4), (0.5, 0.4), (150, 2))
+    picture = rolled(camera, points)
+    rows = rows_of(camera, picture)
+    rows.step(TURN, MOTION)
+    assert np.abs(picture - points).max() * FOCAL_PX > 1.5
+    assert np.abs(rows.places(0) - points).max() * FOCAL_PX < 0.02
+
+
+def test_without_a_motion_the_rotation_alone_is_taken_out_and_the_measured_motion_follows():
+    camera = CameraModel.from_focal(320, 240, FOCAL_PX, readout_s=0.018)
+    points = np.random.default_rng(2).uniform((-0.5, -0.4), (0.5, 0.4), (50, 2))
+    rows = rows_of(camera, rolled(camera, points))
+    rows.step(TURN, None)
+    assert np.abs(rows.places(0) - points).max() * FOCAL_PX > 0.5
+    rows.saw(MOTION)
+    assert np.abs(rows.places(0) - points).max() * FOCAL_PX < 0.02
+
+
+def test_a_global_shutter_leaves_the_places_as_they_are():
+    camera = CameraModel.from_focal(320, 240, FOCAL_PX)
+    points = np.random.default_rng(3).uniform(-0.4, 0.4, (50, 2))
+    rows = rows_of(camera, points)
+    rows.step(TURN, MOTION)
+    assert rows.ring is rows._tracker.history
