@@ -16,6 +16,7 @@ from landing.ground.brink import Brink
 from landing.ground.ground import Ground
 from landing.ground.roughness import Relief, ReliefMap
 from landing.ground.unlike import Unlike
+from landing.motion.contradictions import Contradictions, rotation_chi2, velocity_chi2
 from landing.motion.views import Views
 from landing.observation import Observation
 from landing.options import EstimatorOptions, Options
@@ -79,6 +80,7 @@ class SurfacePipeline:
             self.views.rows.readout_s,
             self.views.rows.std_s,
         )
+        self.contradictions = Contradictions(self.time_offset.farthest_s)
         self._motion: Motion | None = None
         self._stood_out = False
         self._last_s = -math.inf
@@ -103,6 +105,7 @@ class SurfacePipeline:
         self._last_s = observation.time_s
         plane = self.estimator.step(self.views)
         self.time_offset.step(self.views, plane)
+        self._compare(observation, plane)
         self._apply_readout()
         self._motion = None
         if plane.status == "ok" and math.isfinite(plane.divergence):
@@ -122,6 +125,18 @@ class SurfacePipeline:
         if abs(change_s) > _READOUT_STEP_S:
             self.views.read_out(found.readout_s)
             self.estimator.read_out(change_s)
+
+    def _compare(self, observation: Observation, plane: Plane) -> None:
+        """The pictures' motion against the gyro's and the autopilot's."""
+        found, rotation, chi2 = plane.rotation_error, (0.0, 0), math.nan
+        if found is not None and self.options.estimator.use_attitude:
+            rotation = rotation_chi2(found.mean, found.covariance, found.prior_std)
+        ned_from_camera = self.views.newest.ned_from_camera
+        if observation.velocity_ned is not None and ned_from_camera is not None and plane.status == "ok":
+            velocity = ned_from_camera.T @ observation.velocity_ned
+            chi2 = velocity_chi2(velocity, observation.velocity_std, plane.omega, plane.omega_std)
+        late = self.time_offset
+        self.contradictions.step(observation.time_s, rotation, chi2, late.late_s, late.std_s)
 
     def _prediction(self, observation: Observation) -> tuple[Array, Array] | None:
         """This frame's normalised points from the last's: homographies of the last plane and of what is far away."""
@@ -160,6 +175,8 @@ class SurfacePipeline:
         status = plane.status
         if status == "ok" and coverage < o.min_coverage:
             status = "too_little_texture"
+        if self.contradictions.failing:
+            status = self.contradictions.failing[0]
         roll = pitch = math.nan
         if observation.ned_from_body is not None:
             roll, pitch, _ = euler_from_matrix(observation.ned_from_body)

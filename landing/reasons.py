@@ -17,6 +17,9 @@ class Status(StrEnum):
     SLOPE_UNCERTAIN = "slope_uncertain"
     NO_FIT = "no_fit"
     TOO_LITTLE_TEXTURE = "too_little_texture"
+    ROTATION_CONTRADICTS = "rotation_contradicts"
+    VELOCITY_CONTRADICTS = "velocity_contradicts"
+    LATENESS_CONTRADICTS = "lateness_contradicts"
     CAMERA_FROZEN = "camera_frozen"
     IMAGE_SIZE = "image_size"
     BACKWARD_STAMP = "backward_stamp"
@@ -30,6 +33,9 @@ STATUS_MEANING = {
     Status.SLOPE_UNCERTAIN: "the standard deviation of the slope is above its limit",
     Status.NO_FIT: "no plane explains the motion of enough tracks",
     Status.TOO_LITTLE_TEXTURE: "the tracks cover too little of the picture",
+    Status.ROTATION_CONTRADICTS: "the rotation that the pictures show is not the gyro's",
+    Status.VELOCITY_CONTRADICTS: "the motion over the ground that the pictures show is not the autopilot's velocity",
+    Status.LATENESS_CONTRADICTS: "the pictures are later than can be found, or not as late as they were",
     Status.CAMERA_FROZEN: "the picture stands still while the vehicle turns",
     Status.IMAGE_SIZE: "the picture has another size than the calibration",
     Status.BACKWARD_STAMP: "the frame's time stamp lies before the last one",

@@ -1,34 +1,34 @@
 """One clock: the relation of the autopilot's boot time and the companion's time, learned from arrivals.
 
-A message stamped at boot time ``b`` arrives at companion time ``a = b + offset + delay`` with a delay that jitters but
-never falls below the link's least. So the offset (with that least delay in it) is the lower envelope of ``a - b``
-over the last seconds, leaning with the drift of the two crystals. TIMESYNC round trips, where there are any, give the
-offset without the delay. Boot time wraps after 49.7 days and falls back at a reboot; the companion's clock may be set.
+A message stamped at boot time ``b`` arrives at companion time ``a = b + offset + delay``. The delay never falls below
+the link's least, and may be anything above: a congested radio or a busy processor makes messages late for seconds. So
+the relation is the lower envelope of ``a - b``, and lateness alone never moves it. TIMESYNC round trips, where there
+are any, give the offset without the delay. Boot time wraps after 49.7 days and falls back at a reboot. That the
+companion's clock was set is believed when a second witness steps by the same amount, and taken back when the arrivals
+show that they were only late.
 """
 
 import math
-from collections import deque
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
+from companion.core.envelope import Envelope
+from companion.core.round_trips import RoundTrips
 from companion.settings.settings import SyncSettings
 
 WRAP_US = 2**32 * 1000
 """Boot times in milliseconds are 32 bits wide: they start anew after 49.7 days."""
 
-BUCKET_US = 1_000_000
-DRIFT_BUCKETS = 60
-"""The least delay of each second of boot time is kept for a minute, to follow the drift."""
-
-DRIFT_FROM_BUCKETS = 8
-"""Seconds of arrivals from which the drift is worth estimating."""
-
 REBOOT_WITNESSES = 5
 JUMP_WITNESSES = 10
 """Messages in a row that must agree before a reboot or a jump is believed."""
 
-BURST_SHARE = 0.5
-"""Late messages of a stalled link arrive in a shorter time than they were sent in; after a jump, in the same."""
+LATEST_US = 2_000_000
+"""No link holds messages back longer than this at a constant delay, nor delivers them out of order by more."""
+
+Witness = Callable[[float, int], bool]
+"""Whether the frames' stamps step by so many microseconds around an arrival (microseconds, as it was stamped)."""
 
 
 class ClockChange(Enum):
@@ -37,6 +37,8 @@ class ClockChange(Enum):
     REBOOTED = "autopilot_rebooted"
     WRAPPED = "boot_time_wrapped"
     JUMPED = "clock_jumped"
+    TAKEN_BACK = "clock_jump_taken_back"
+    CORRECTED = "clock_corrected"
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,80 +47,104 @@ class Arrival:
 
     ``boot_us``: boot time without wraps, None where a reboot is suspected (the sample is not to be used);
     ``steady_us``: arrival with the jumps of the companion's clock taken out, None where it does not fit the relation.
+    ``jump_us``: by what the companion's clock was set (JUMPED), was not set after all (TAKEN_BACK), or by what the
+    relation was late (CORRECTED); ``witnessed``: the frames' stamps stepped too.
     """
 
     boot_us: int | None
     steady_us: int | None
     change: ClockChange | None = None
     jump_us: int = 0
-
-
-@dataclass(slots=True)
-class _Bucket:
-    start_us: int
-    least_us: float
-    at_us: int
-    count: int = 1
+    witnessed: bool = False
 
 
 @dataclass(slots=True)
 class _Suspects:
-    """Arrivals in a row that do not fit: boot times (raw) and delays against the relation."""
+    """Arrivals in a row that do not fit: boot times (raw), arrivals and delays against the relation."""
 
     raw_us: list[int] = field(default_factory=list)
     arrival_us: list[int] = field(default_factory=list)
-    delay_us: list[float] = field(default_factory=list)
+    late_us: list[float] = field(default_factory=list)
+
+    def steady_within_us(self) -> float:
+        """By how much the least delays of the first and the last half differ: a backlog drains, a clock does not."""
+        half = len(self.late_us) // 2
+        return abs(min(self.late_us[:half]) - min(self.late_us[half:]))
+
+
+def _no_witness(_jump_us: float, _arrival_us: int) -> bool:
+    return False
 
 
 class AutopilotClock:
     """Feed it every arrival with a boot time; ask it for the boot time of a companion time.
 
-    All times are microseconds. "Steady" is the companion's time with the jumps taken out that the arrivals show;
-    ``shift_us`` is their sum (raw = steady + shift).
+    All times are microseconds. "Steady" is the companion's time with the jumps taken out; ``shift_us`` is their sum
+    (raw = steady + shift). ``witness`` tells whether the frames' stamps stepped; without one no lateness of a link's
+    size is taken for a clock that was set, and with ``monotonic`` none at all: that clock cannot be set.
     """
 
-    def __init__(self, settings: SyncSettings) -> None:
+    def __init__(
+        self, settings: SyncSettings, witness: Witness = _no_witness, monotonic: bool = False
+    ) -> None:
         self._s = settings
+        self._witness = _no_witness if monotonic else witness
+        self._latest_us = math.inf if monotonic else LATEST_US
         self.shift_us = 0
         self.wraps = 0
         self._restart()
         self._newest_us = 0
 
     def _restart(self) -> None:
-        self._buckets: deque[_Bucket] = deque(maxlen=DRIFT_BUCKETS)
-        self._trips: deque[tuple[int, float, int]] = deque()
+        self._envelope = Envelope(self._s)
+        self._trips = RoundTrips(self._s)
         self._suspects = _Suspects()
+        self._ambiguous = False
+        self._claimed: Arrival | None = None
         self._base_us: int | None = None
         self._wrap_us = 0
-        self._count = 0
-        self._offset_us = 0.0
-        self._at_us = 0
-        self._drift = 0.0
-        self._std_us = math.inf
 
     @property
     def settled(self) -> bool:
-        """Whether the relation may be used: enough arrivals, and none in a row that speak against it."""
-        return self._count >= self._s.clock_min_messages and len(self._suspects.raw_us) < REBOOT_WITNESSES
+        """Whether the relation may be used: enough arrivals, no backlog, none in a row that may mean another one."""
+        known = self._envelope.count >= self._s.clock_min_messages
+        return known and not self._ambiguous and not self._envelope.draining(self._newest_us)
 
     @property
     def std_s(self) -> float:
-        """One standard deviation of the relation."""
-        return self._std_us * 1e-6
+        """One standard deviation of the relation; it grows while arrivals contradict it."""
+        e = self._envelope
+        if e.count == 0:
+            return math.inf
+        std_us = math.hypot(e.std_us, e.doubt_us(self._newest_us))
+        trip = self._trips.best(self._newest_us, e.drift)
+        if trip is not None and trip.std_us < std_us:
+            std_us = trip.std_us
+        return math.hypot(std_us, self._trips.contradiction_us(self._newest_us, e)) * 1e-6
+
+    @property
+    def late_s(self) -> float:
+        """By what even the least delayed messages of the last second are late; 0 while the link is in order."""
+        return self._envelope.late_us() * 1e-6
 
     @property
     def drift(self) -> float:
         """How much faster the companion's clock runs than the autopilot's (1e-6: one ppm)."""
-        return self._drift
+        return self._envelope.drift
 
     def offset_us(self, boot_us: int) -> float:
         """Steady companion time minus boot time, at a boot time."""
-        return self._offset_us + self._drift * (boot_us - self._at_us)
+        e = self._envelope
+        offset_us = e.offset_us(boot_us)
+        trip = self._trips.best(self._newest_us, e.drift)
+        if trip is not None and trip.std_us < math.hypot(e.std_us, e.doubt_us(self._newest_us)):
+            offset_us = min(offset_us, trip.offset_us + e.drift * (boot_us - self._newest_us))
+        return offset_us
 
     def boot_us(self, steady_us: int) -> int:
         """Boot time (without wraps) of a steady companion time."""
-        offset = self._offset_us + self._drift * (steady_us - self._offset_us - self._at_us)
-        return round(steady_us - offset)
+        near_us = round(steady_us - self.offset_us(self._newest_us))
+        return round(steady_us - self.offset_us(near_us))
 
     def feed(self, raw_boot_us: int, arrival_us: int, truncated_us: int = 0) -> Arrival:
         """Take one arrival; ``raw_boot_us`` as the message says.
@@ -133,12 +159,32 @@ class AutopilotClock:
             self._newest_us = self._base_us
         boot_us, wrapped = self._unwrap(raw_boot_us, steady_us)
         delay_us = steady_us - boot_us + truncated_us / 2
-        if self._count >= self._s.clock_min_messages and not self._fits(boot_us, delay_us):
-            return self._suspect(raw_boot_us, boot_us, arrival_us, delay_us - self.offset_us(boot_us))
-        self._suspects = _Suspects()
+        if self._envelope.count >= self._s.clock_min_messages and not self._fits(boot_us, delay_us):
+            return self._suspect(raw_boot_us, boot_us, arrival_us, delay_us)
+        self._suspects, self._ambiguous = _Suspects(), False
         self._newest_us = max(self._newest_us, boot_us)
-        self._take(boot_us, delay_us)
-        return Arrival(boot_us, steady_us, ClockChange.WRAPPED if wrapped else None)
+        if self._claimed is not None and not self._claimed.witnessed:
+            early_us = min(0, round(delay_us - self._envelope.offset_us(boot_us)))
+            if early_us:
+                return self._less_late(boot_us, steady_us, early_us)
+        self._envelope.add(boot_us, delay_us)
+        if wrapped:
+            return Arrival(boot_us, steady_us, ClockChange.WRAPPED)
+        by_us = round(self._envelope.correction_us(boot_us))
+        return Arrival(boot_us, steady_us, ClockChange.CORRECTED if by_us else None, -by_us)
+
+    def _less_late(self, boot_us: int, steady_us: int, early_us: int) -> Arrival:
+        """Earlier than a claim without a witness says: the claim was too large, the relation stays."""
+        claimed = self._claimed
+        assert claimed is not None
+        left_us = claimed.jump_us + early_us
+        self.shift_us += early_us
+        if claimed.jump_us > 0 and left_us < self._latest_us:
+            self.shift_us -= left_us
+            self._claimed = None
+            return Arrival(boot_us, None, ClockChange.TAKEN_BACK, -claimed.jump_us)
+        self._claimed = replace(claimed, jump_us=left_us)
+        return Arrival(boot_us, steady_us - early_us)
 
     def feed_round_trip(self, raw_boot_us: int, arrival_us: int, offset_us: int, round_trip_us: int) -> None:
         """Take one TIMESYNC round trip: companion minus autopilot clock, good to half the trip's length."""
@@ -146,20 +192,18 @@ class AutopilotClock:
             return
         boot_us, _ = self._unwrap(raw_boot_us, arrival_us - self.shift_us)
         offset = offset_us + raw_boot_us - boot_us - self.shift_us
-        # The truth lies within the trip; what is outside of it crossed a jump or belongs to another clock.
-        if self._count and abs(offset - self.offset_us(boot_us)) > self._s.jump_min_s * 1e6:
-            return
-        self._trips.append((boot_us, offset, round_trip_us))
-        horizon = boot_us - self._s.timesync_window_s * 1e6
-        while self._trips and self._trips[0][0] < horizon:
-            self._trips.popleft()
+        self._trips.add(boot_us, offset, round_trip_us, self._envelope)
 
     def _unwrap(self, raw_boot_us: int, steady_us: int) -> tuple[int, bool]:
         """Boot time nearest to the newest one among those that look the same in 32 bits, and whether that wraps."""
         folded = raw_boot_us % WRAP_US
         wraps = round((self._newest_us - folded) / WRAP_US)
         boot_us = folded + wraps * WRAP_US
-        if boot_us // WRAP_US > self._wrap_us and self._count and self._fits(boot_us, steady_us - boot_us):
+        if (
+            boot_us // WRAP_US > self._wrap_us
+            and self._envelope.count
+            and self._fits(boot_us, steady_us - boot_us)
+        ):
             self._wrap_us = boot_us // WRAP_US
             self.wraps += 1
             return boot_us, True
@@ -169,85 +213,76 @@ class AutopilotClock:
         """Whether an arrival is neither impossibly early nor much later than the relation says."""
         if boot_us < self._newest_us - self._s.jump_min_s * 1e6:
             return False
-        return abs(delay_us - self.offset_us(boot_us)) <= self._s.jump_min_s * 1e6
+        return abs(delay_us - self._envelope.offset_us(boot_us)) <= self._s.jump_min_s * 1e6
 
-    def _suspect(self, raw_us: int, boot_us: int, arrival_us: int, late_us: float) -> Arrival:
-        """An arrival that does not fit: late by chance, or the first after a reboot or a jump."""
+    def _suspect(self, raw_us: int, boot_us: int, arrival_us: int, delay_us: float) -> Arrival:
+        """An arrival that does not fit: late, or the first after a reboot or a jump."""
+        min_us = self._s.jump_min_s * 1e6
+        late_us = delay_us - self._envelope.offset_us(boot_us)
+        fell_us = self._newest_us - boot_us
+        if min_us < fell_us < LATEST_US and late_us < LATEST_US:
+            return Arrival(
+                boot_us, None
+            )  # out of order: after a reboot it would be later by the whole uptime
         s = self._suspects
-        if s.raw_us and raw_us < s.raw_us[-1] - self._s.jump_min_s * 1e6:
+        other_side = bool(s.late_us) and (s.late_us[-1] < 0) != (late_us < 0)
+        if s.raw_us and (raw_us < s.raw_us[-1] - min_us or other_side):
             self._suspects = s = _Suspects()  # they do not agree among themselves
         s.raw_us.append(raw_us)
         s.arrival_us.append(arrival_us)
-        s.delay_us.append(late_us)
-        if boot_us < self._newest_us - self._s.jump_min_s * 1e6:
-            if len(s.raw_us) < REBOOT_WITNESSES:
-                return Arrival(None, None)
-            return self._reboot(raw_us, arrival_us)
-        sent_us, came_us = s.raw_us[-1] - s.raw_us[0], s.arrival_us[-1] - s.arrival_us[0]
-        enough = len(s.raw_us) >= JUMP_WITNESSES and sent_us >= self._s.jump_confirm_s * 1e6
-        if not enough or came_us < BURST_SHARE * sent_us:
-            return Arrival(boot_us, None)
-        jump_us = round(min(s.delay_us))
-        self.shift_us += jump_us
-        self._suspects = _Suspects()
+        s.late_us.append(late_us)
+        few = len(s.raw_us) < REBOOT_WITNESSES
+        if fell_us > min_us:
+            self._ambiguous = not few
+            return Arrival(None, None) if few else self._reboot(raw_us, arrival_us)
+        least_us = min(s.late_us)
+        witnessed = self._witness(least_us, s.arrival_us[0])
+        self._ambiguous = not few and (late_us < 0 or witnessed)
+        if len(s.raw_us) < JUMP_WITNESSES or s.raw_us[-1] - s.raw_us[0] < self._s.jump_confirm_s * 1e6:
+            return self._late(boot_us, delay_us)
+        if s.steady_within_us() > min_us / 5:
+            del s.raw_us[0], s.arrival_us[0], s.late_us[0]
+            return self._late(boot_us, delay_us)
+        return self._decide(boot_us, arrival_us, round(least_us), witnessed)
+
+    def _late(self, boot_us: int, delay_us: float) -> Arrival:
+        """Late beyond jitter: the attitude is true of its boot time, its arrival says little of the time now."""
+        if delay_us > self._envelope.offset_us(boot_us):
+            self._newest_us = max(self._newest_us, boot_us)
+            self._envelope.add(boot_us, delay_us)
+        return Arrival(boot_us, None)
+
+    def _decide(self, boot_us: int, arrival_us: int, by_us: int, witnessed: bool) -> Arrival:
+        """Arrivals are late or early by the same amount for long enough: a clock that was set, or the link."""
+        claimed = self._claimed
+        taken_back = (
+            not witnessed
+            and claimed is not None
+            and abs(claimed.jump_us + by_us) < self._s.jump_min_s * 1e6 / 2
+        )
+        if not witnessed and not taken_back and 0 < by_us < self._latest_us:
+            s = self._suspects
+            del s.raw_us[0], s.arrival_us[0], s.late_us[0]
+            return self._late(boot_us, by_us + self._envelope.offset_us(boot_us))
+        self._suspects, self._ambiguous = _Suspects(), False
         self._newest_us = max(self._newest_us, boot_us)
+        if not witnessed and not taken_back and -self._latest_us < by_us < 0:
+            steady_us = arrival_us - self.shift_us
+            self._envelope.add(boot_us, steady_us - boot_us)
+            return Arrival(boot_us, steady_us, ClockChange.CORRECTED, by_us)
+        if taken_back and claimed is not None:
+            by_us = -claimed.jump_us
+        self.shift_us += by_us
         steady_us = arrival_us - self.shift_us
-        self._take(boot_us, steady_us - boot_us)
-        return Arrival(boot_us, steady_us, ClockChange.JUMPED, jump_us)
+        self._envelope.add(boot_us, steady_us - boot_us)
+        if taken_back and claimed is not None:
+            self._claimed = None
+            return Arrival(boot_us, steady_us, ClockChange.TAKEN_BACK, by_us, claimed.witnessed)
+        found = Arrival(boot_us, steady_us, ClockChange.JUMPED, by_us, witnessed)
+        self._claimed = found
+        return found
 
     def _reboot(self, raw_us: int, arrival_us: int) -> Arrival:
         self._restart()
         first = self.feed(raw_us, arrival_us)
         return Arrival(first.boot_us, first.steady_us, ClockChange.REBOOTED)
-
-    def _take(self, boot_us: int, delay_us: float) -> None:
-        """Let the lower envelope know of one delay; it is drawn anew once a second of boot time, or when it falls."""
-        self._count += 1
-        start_us = boot_us - boot_us % BUCKET_US
-        if not self._buckets or start_us > self._buckets[-1].start_us:
-            self._buckets.append(_Bucket(start_us, delay_us, boot_us))
-            self._draw(boot_us)
-            return
-        bucket = self._buckets[-1]
-        bucket.count += 1
-        if delay_us < bucket.least_us:
-            bucket.least_us, bucket.at_us = delay_us, boot_us
-        if self._count <= self._s.clock_min_messages or delay_us < self.offset_us(boot_us):
-            self._draw(boot_us)
-
-    def _draw(self, now_us: int) -> None:
-        """The envelope: least delay over the window, leaning with the drift; its spread gives the uncertainty."""
-        self._drift = self._estimate_drift()
-        horizon = now_us - self._s.clock_window_s * 1e6
-        recent = [b for b in self._buckets if b.at_us >= horizon] or [self._buckets[-1]]
-        level = [b.least_us + self._drift * (now_us - b.at_us) for b in recent]
-        self._offset_us, self._at_us = min(level), now_us
-        spread = max(level) - min(level) if len(level) > 1 else 0.0
-        few = self._s.link_jitter_s * 1e6 / (1 + sum(b.count for b in recent))
-        self._std_us = math.hypot(self._s.link_delay_std_s * 1e6, spread / len(level), few)
-        self._apply_round_trips(now_us)
-
-    def _estimate_drift(self) -> float:
-        """Slope of the least delays over the last minute (full buckets only), within what crystals can do."""
-        full = [b for b in list(self._buckets)[:-1] if b.count > 1]
-        if len(full) < DRIFT_FROM_BUCKETS:
-            return 0.0
-        mean_t = sum(b.at_us for b in full) / len(full)
-        mean_d = sum(b.least_us for b in full) / len(full)
-        above = sum((b.at_us - mean_t) * (b.least_us - mean_d) for b in full)
-        below = sum((b.at_us - mean_t) ** 2 for b in full)
-        limit = self._s.drift_max_ppm * 1e-6
-        return max(-limit, min(limit, above / below)) if below > 0 else 0.0
-
-    def _apply_round_trips(self, now_us: int) -> None:
-        """Where round trips leave less doubt than the arrivals, the shortest of them gives the offset."""
-        if not self._trips:
-            return
-        boot_us, offset, trip_us = min(self._trips, key=lambda trip: trip[2])
-        offset += self._drift * (now_us - boot_us)
-        std_us = max(self._s.timesync_std_floor_s * 1e6, trip_us / 4)
-        # Nothing arrives before it was sent, and messages wait little longer than the answer to a round trip did.
-        late_us = self._offset_us - offset
-        if std_us < self._std_us and -trip_us / 2 <= late_us <= trip_us + self._s.link_jitter_s * 1e6:
-            self._offset_us = min(offset, self._offset_us)
-            self._std_us = std_us

@@ -66,6 +66,7 @@ class Core:
     ``calibrated`` is passed on to the estimates; ``telemetry`` False: a plain video, frames do not wait.
     ``by_pilot``: the pilot's switch gives the permission, as in flight, and an uncalibrated camera withholds it;
     otherwise ``landing.enabled`` and ``set_enabled`` give it.
+    ``monotonic``: nobody sets the clock that stamps arrivals, as the live daemon's.
     """
 
     def __init__(
@@ -76,6 +77,7 @@ class Core:
         calibrated: bool,
         telemetry: bool,
         by_pilot: bool = False,
+        monotonic: bool = False,
     ) -> None:
         self._camera = camera
         self._calibrated = calibrated
@@ -84,7 +86,7 @@ class Core:
             camera, Options(settings.tracking, settings.estimator, settings.decision, settings.ground)
         )
         self._ground = GroundReporter(self._pipeline.ground)
-        self._sync = Synchroniser(settings, telemetry)
+        self._sync = Synchroniser(settings, telemetry, monotonic)
         self._health = HealthMonitor(settings.health, telemetry)
         self._health.calibrated = calibrated
         self._frozen = FrozenCamera(settings.health, camera)
@@ -195,6 +197,7 @@ class Core:
         self._watch_attitude(ready, out)
         estimate = self._pipeline.step(observation)
         self._sync.allow_for(self._pipeline.time_offset.late_s, self._pipeline.time_offset.std_s)
+        self._watch_contradictions(ready, out)
         if self._watch_picture(observation, ready, out):
             self._pipeline.ground.forget()
             estimate = SurfaceEstimate(frame.number, estimate.time_s, "camera_frozen", estimate.method)
@@ -220,6 +223,16 @@ class Core:
                 name, text = ("attitude_back", "") if known else ("attitude_lost", _words(reason))
                 out.append(event(name, ready.frame.number, ready.exposure_us, text))
 
+    def _watch_contradictions(self, ready: ReadyFrame, out: list[Output]) -> None:
+        """Tell which comparison of pictures and vehicle begins to fail, and when none does any more."""
+        failing = tuple(str(status) for status in self._pipeline.contradictions.failing)
+        before, self._health.contradictions = self._health.contradictions, failing
+        for name in failing:
+            if name not in before:
+                out.append(event(name, ready.frame.number, ready.exposure_us))
+        if before and not failing:
+            out.append(event("motion_agrees", ready.frame.number, ready.exposure_us))
+
     def _watch_picture(self, seen: Observation, ready: ReadyFrame, out: list[Output]) -> bool:
         """Whether the camera is frozen, as far as the attitude shows it; changes are told."""
         if seen.ned_from_body is None:
@@ -234,8 +247,13 @@ class Core:
     def _tell(self, notice: Notice, out: list[Output]) -> None:
         if notice.name == "autopilot_rebooted":
             out += self._judge.forget_autopilot(self._sync.raw_us())
+        if notice.name in ("autopilot_rebooted", "clock_corrected", "clock_jump_taken_back"):
             self._pipeline.time_offset.loosen()
-        out.append(event(notice.name, self._frame_number, self._sync.raw_us(), details=notice.details))
+        text = ""
+        if notice.name == "link_late":
+            late_s, spells = notice.details["late_s"], notice.details["spells"]
+            text = f"telemetry came up to {late_s:.2f} s late over this link, {spells} times"
+        out.append(event(notice.name, self._frame_number, self._sync.raw_us(), text, notice.details))
 
     def _tick(self, out: list[Output]) -> None:
         """Health, and the decision while no frames come, at their rate of sample time."""

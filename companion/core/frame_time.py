@@ -13,6 +13,9 @@ PERIOD_WEIGHT = 0.1
 STEPS_KEPT_US = 5_000_000
 """How long a step in the stamps waits for the telemetry to show the same."""
 
+SAME_MOMENT_US = 250_000
+"""A clock that is set steps the stamps of frames and the arrivals of messages within so much."""
+
 
 @dataclass(frozen=True, slots=True)
 class FrameTime:
@@ -51,6 +54,7 @@ class FrameTimeline:
         self._lead_us = 0
         self._fallen: list[int] = []
         self._steps: deque[_Step] = deque(maxlen=8)
+        self._taken_out: Correction | None = None
 
     def feed(self, stamp_us: int) -> FrameTime | str:
         """The times of a frame, or why it is refused: "repeated_stamp", "backward_stamp"."""
@@ -83,16 +87,38 @@ class FrameTimeline:
         self._time_us = steady_us + self._lead_us
         return FrameTime(steady_us, self._time_us, jump_us)
 
-    def telemetry_jumped(self, jump_us: int) -> Correction | None:
+    def stepped(self, jump_us: float, arrival_us: int) -> bool:
+        """Whether the stamps step by about ``jump_us`` around an arrival, as after a clock that was set."""
+        return self._step_like(jump_us, arrival_us) is not None
+
+    def telemetry_jumped(self, jump_us: int, arrival_us: int | None = None) -> Correction | None:
         """The telemetry's arrivals jumped: take the same step of the frames' stamps out, if they made it."""
+        step = self._step_like(jump_us, arrival_us)
+        if step is None:
+            return None
+        by_us = jump_us - step.applied_us
+        self.shift_us += by_us
+        self._steps.remove(step)
+        self._taken_out = Correction(step.stamp_us, by_us)
+        return self._taken_out
+
+    def jump_taken_back(self) -> Correction | None:
+        """The clock was not set after all: the last step that was taken out is put back."""
+        out, self._taken_out = self._taken_out, None
+        if out is None:
+            return None
+        self.shift_us -= out.by_us
+        return Correction(out.from_stamp_us, -out.by_us)
+
+    def _step_like(self, jump_us: float, arrival_us: int | None) -> _Step | None:
         if self._last_us is None:
             return None
         newest_us = self._last_us - self.shift_us
+        near_us = max(self._step_min_us / 2, 1.5 * self._period_us)
         for step in reversed(self._steps):
-            near = abs(step.excess_us - jump_us) < self._step_min_us
-            if near and newest_us - step.steady_us < STEPS_KEPT_US:
-                by_us = jump_us - step.applied_us
-                self.shift_us += by_us
-                self._steps.remove(step)
-                return Correction(step.stamp_us, by_us)
+            same = abs(step.excess_us - jump_us) < near_us and newest_us - step.steady_us < STEPS_KEPT_US
+            if same and (
+                arrival_us is None or abs(step.stamp_us - arrival_us) < SAME_MOMENT_US + self._period_us
+            ):
+                return step
         return None

@@ -118,6 +118,8 @@ class HealthMonitor:
         self.counters: Counter[str] = Counter()
         self.vehicles_clash = False
         self.camera_frozen = False
+        self.contradictions: tuple[str, ...] = ()
+        """Comparisons of the pictures' motion with the vehicle's that fail: statuses of an estimate."""
         self._heartbeat: Heartbeat | None = None
         self.wrong_size = ""
         """What size the pictures have where it is not the calibration's; empty while it is."""
@@ -189,6 +191,8 @@ class HealthMonitor:
         yield from self.standing
         if self.camera_frozen:
             yield condition(Code.CAMERA_FROZEN)
+        for name in self.contradictions:
+            yield condition(Code(name))
         if self.vehicles_clash:
             yield condition(Code.TWO_VEHICLES)
         if self.wrong_size:

@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.core.attitude import AttitudeBuffer, BodyAttitude
-from companion.core.clock import AutopilotClock, ClockChange
+from companion.core.clock import Arrival, AutopilotClock, ClockChange
+from companion.core.copies import Copies
 from companion.core.frame_time import Correction, FrameTimeline
+from companion.core.link_watch import LinkWatch
 from companion.core.velocity import VelocityBuffer
 from companion.settings.settings import Settings
 from drivers.samples import Attitude, ClockOffset, Frame, Imu, Sample, Velocity
@@ -66,12 +68,15 @@ class Synchroniser:
     time without.
     """
 
-    def __init__(self, settings: Settings, telemetry: bool) -> None:
+    def __init__(self, settings: Settings, telemetry: bool, monotonic: bool = False) -> None:
+        """``monotonic``: arrivals are stamped by a clock that nobody sets, as those of a live vehicle are."""
         self._s = settings.sync
         self.offset_us = round(settings.camera.time_offset_s * 1e6)
         self._telemetry = telemetry
-        self.clock = AutopilotClock(settings.sync)
         self.frame_time = FrameTimeline(round(settings.sync.jump_min_s * 1e6))
+        self.clock = AutopilotClock(settings.sync, self.frame_time.stepped, monotonic)
+        self._link = LinkWatch(settings.sync.jump_min_s)
+        self._copies = Copies()
         self._late_s, self._late_std_s = 0.0, settings.estimator.time_offset_std_s
         self._attitudes = AttitudeBuffer(settings.sync)
         self._velocities = VelocityBuffer(settings.sync, self._attitudes)
@@ -144,6 +149,9 @@ class Synchroniser:
     def _take_telemetry(
         self, sample: TelemetrySample, ready: list[ReadyFrame], notices: list[Notice]
     ) -> None:
+        if self._copies.is_copy(sample):
+            self._refused.append((_INPUT[type(sample)], "repeated_message"))
+            return
         exact = isinstance(sample, Imu) and sample.source in MICROSECOND_SOURCES
         arrival = self.clock.feed(sample.boot_us, sample.arrival_us, 0 if exact else MILLISECOND_US)
         if arrival.change is ClockChange.REBOOTED:
@@ -152,13 +160,10 @@ class Synchroniser:
             self._velocities.clear()
             notices.append(Notice("autopilot_rebooted", {}))
             self._settled = False
-        elif arrival.change is ClockChange.JUMPED:
-            correction = self.frame_time.telemetry_jumped(arrival.jump_us)
-            if correction is not None:
-                self._correct_waiting(correction)
-            jump_s = round(arrival.jump_us * 1e-6, 6)
-            notices.append(Notice("clock_jumped", {"jump_s": jump_s, "frames_too": correction is not None}))
-            self.now_us = arrival.steady_us or self.now_us  # it may have run ahead with frames that jumped
+        elif arrival.change in (ClockChange.JUMPED, ClockChange.TAKEN_BACK):
+            notices.append(self._clock_set(arrival))
+        elif arrival.change is ClockChange.CORRECTED:
+            notices.append(Notice("clock_corrected", {"by_s": round(arrival.jump_us * 1e-6, 6)}))
         elif arrival.change is ClockChange.WRAPPED:
             notices.append(Notice("boot_time_wrapped", {}))
         if arrival.steady_us is not None:
@@ -169,9 +174,31 @@ class Synchroniser:
             )
             notices.append(Notice("clock_settled", {"std_s": round(self.clock.std_s, 6)}))
         if arrival.boot_us is not None:
+            self._watch_link(sample.arrival_us - self.clock.shift_us, arrival.boot_us, notices)
             self._keep(sample, arrival.boot_us)
         else:
             self._refused.append((_INPUT[type(sample)], "boot_time_fell"))
+
+    def _watch_link(self, steady_us: int, boot_us: int, notices: list[Notice]) -> None:
+        if self.clock.settled:
+            details = self._link.feed(steady_us - boot_us - self.clock.offset_us(boot_us), steady_us)
+            if details is not None:
+                notices.append(Notice("link_late", details))
+
+    def _clock_set(self, arrival: Arrival) -> Notice:
+        """The companion's clock was set, or what was taken for it is undone; the frames follow where they stepped."""
+        taken_back = arrival.change is ClockChange.TAKEN_BACK
+        correction = None
+        if taken_back and arrival.witnessed:
+            correction = self.frame_time.jump_taken_back()
+        elif arrival.witnessed:
+            correction = self.frame_time.telemetry_jumped(arrival.jump_us)
+        if correction is not None:
+            self._correct_waiting(correction)
+        self.now_us = arrival.steady_us or self.now_us  # it may have run ahead with frames that jumped
+        name = "clock_jump_taken_back" if taken_back else "clock_jumped"
+        jump_s = round(arrival.jump_us * 1e-6, 6)
+        return Notice(name, {"jump_s": jump_s, "frames_too": correction is not None})
 
     def _correct_waiting(self, correction: Correction) -> None:
         """Frames that came between a jump and its discovery move to where they belong."""

@@ -115,7 +115,12 @@ class LivePipeline:
         self._camera, self._calibrated = camera_model(self._settings.camera, *self._size)
         telemetry = bool(self._settings.mavlink.connection)
         return Core(
-            self._settings, self._camera, calibrated=self._calibrated, telemetry=telemetry, by_pilot=True
+            self._settings,
+            self._camera,
+            calibrated=self._calibrated,
+            telemetry=telemetry,
+            by_pilot=True,
+            monotonic=True,
         )
 
     def _fit(self, frame: Frame) -> None:

@@ -21,6 +21,9 @@ class Code(StrEnum):
     VITAL_INPUT_STALE = "vital_input_stale"
     CLOCKS_UNRELATED = "clocks_unrelated"
     CAMERA_FROZEN = "camera_frozen"
+    ROTATION_CONTRADICTS = "rotation_contradicts"
+    VELOCITY_CONTRADICTS = "velocity_contradicts"
+    LATENESS_CONTRADICTS = "lateness_contradicts"
     TWO_VEHICLES = "two_vehicles"
     IMAGE_SIZE = "image_size"
     UNCALIBRATED = "uncalibrated"
@@ -49,6 +52,11 @@ KINDS = {
     Code.CAMERA_FROZEN: Kind(
         "error", "camera: the picture stands still while the vehicle turns", forbids_landing=True
     ),
+    Code.ROTATION_CONTRADICTS: Kind("error", "camera: the picture does not turn as the gyro does"),
+    Code.VELOCITY_CONTRADICTS: Kind(
+        "error", "camera: the ground does not move as the vehicle's velocity says"
+    ),
+    Code.LATENESS_CONTRADICTS: Kind("error", "camera: the pictures are too late, or not as late as before"),
     Code.TWO_VEHICLES: Kind("error", "two vehicles on the link: set vehicle.system_id", forbids_landing=True),
     Code.IMAGE_SIZE: Kind("error", "camera: {detail}", forbids_landing=True),
     Code.UNCALIBRATED: Kind("warning", "the camera is not calibrated", forbids_landing=True),

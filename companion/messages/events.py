@@ -13,11 +13,30 @@ EVENTS = {
     "autopilot_rebooted": ("error", "the autopilot's boot time fell back: it started anew"),
     "boot_time_wrapped": ("info", "the autopilot's boot time started anew after 49.7 days; it goes on"),
     "clock_jumped": ("warning", "the companion's clock was set; the relation to the autopilot was kept"),
+    "clock_jump_taken_back": ("warning", "the companion's clock was not set after all: the link was late"),
+    "clock_corrected": ("warning", "messages had been late from the beginning; the clocks are related anew"),
+    "link_late": ("warning", "telemetry comes late over this link"),
     "frames_jumped": ("warning", "the frames' stamps fell back and went on from there"),
     "camera_late": ("warning", "frames are not as late as camera.time_offset_s says; it is allowed for"),
     "readout_found": ("warning", "the camera has a rolling shutter that is not set; it is allowed for"),
     "camera_frozen": ("error", "the picture stands still while the vehicle turns"),
     "camera_moves": ("info", "the picture moves again"),
+    "rotation_contradicts": (
+        "error",
+        "the picture does not turn as the gyro does: check the camera's mount angles, a mirrored or rotated picture, "
+        "the focal length, and whether the picture is old or repeated; there is no estimate until they agree",
+    ),
+    "velocity_contradicts": (
+        "error",
+        "the ground does not move as the vehicle's velocity says: check the camera's mount angles, a mirrored picture, "
+        "whether the picture is old or repeated, and whether the ground moves; there is no estimate until they agree",
+    ),
+    "lateness_contradicts": (
+        "error",
+        "the pictures are later than can be found, or not as late as they were: check camera.time_offset_s and what "
+        "buffers the picture; there is no estimate until they agree",
+    ),
+    "motion_agrees": ("info", "pictures, gyro and velocity agree again"),
     "attitude_lost": ("warning", "frames have no attitude"),
     "attitude_back": ("info", "frames have an attitude again"),
     "second_vehicle": ("error", "a second vehicle speaks on the link"),
@@ -45,6 +64,7 @@ EVENTS = {
     "camera_lost": ("warning", "the camera gives no frames"),
     "camera_back": ("info", "the camera gives frames again"),
     "camera_stuck": ("error", "every read of the camera hangs; the process ends to be started anew"),
+    "stream_times_made_up": ("warning", "the stream's presentation times do not keep the pace of its frames"),
     "camera_ended": ("info", "the video is at its end"),
     "recording_started": ("info", "a flight folder was opened"),
     "recording_stopped": ("info", "the recording ended"),

@@ -129,9 +129,9 @@ class SyncSettings:
     accelerometer_delay_s: Annotated[
         float, Limits(0, 0.05, "s", "delay of the accelerometer by the autopilot's filter, until it is found")
     ] = 0.01
-    clock_window_s: Annotated[float, Limits(2, 60, "s", "window of the lower envelope of arrival times")] = (
-        10.0
-    )
+    clock_window_s: Annotated[
+        float, Limits(10, 3600, "s", "window of the lower envelope of arrival times")
+    ] = 300.0
     clock_min_messages: Annotated[
         int, Limits(3, 1000, "", "arrivals before the relation of the clocks is used")
     ] = 10

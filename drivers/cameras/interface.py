@@ -65,10 +65,14 @@ class CameraStatus:
 
 @dataclass(frozen=True, slots=True)
 class Grab:
-    """One picture as a grabber got it: (height, width) uint8 grey, captured at ``captured_us`` on the host clock."""
+    """One picture as a grabber got it: (height, width) uint8 grey, captured at ``captured_us`` on the host clock.
+
+    ``remark``: an event to report with it, once (name, text).
+    """
 
     image: NDArray[np.uint8]
     captured_us: int
+    remark: tuple[str, str] | None = None
 
 
 class Grabber(Protocol):

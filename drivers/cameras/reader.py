@@ -157,6 +157,8 @@ class ReaderCamera(Camera):
         with self._changed:
             if worker.abandoned.is_set():
                 return
+            if grab.remark is not None:
+                self._tell(grab.remark[0], "warning", grab.remark[1])
             frame = Frame(self._grabbed, grab.captured_us, now_us(), grab.image)
             self._grabbed += 1
             sample = self._check.check(frame)

@@ -18,6 +18,11 @@ SCHEMES = ("rtsp://", "rtsps://", "http://", "https://", "udp://", "tcp://", "rt
 SENDERS_TIME = ("rtsp://", "rtsps://", "udp://", "rtp://", "srt://")
 """Schemes whose presentation times are the sender's; MJPEG over HTTP has none, FFmpeg makes them up."""
 
+STREAM_TIMES = (
+    "the stream's presentation times do not keep the pace of its frames (the sender counts frames at a rate that the "
+    "camera does not have); frames are stamped by their arrival: set the sender to the camera's true rate"
+)
+
 OPTIONS_VARIABLE = "OPENCV_FFMPEG_CAPTURE_OPTIONS"
 """OpenCV takes FFmpeg's options from this variable alone; what the user has put there stays."""
 
@@ -76,13 +81,16 @@ class StreamGrabber:
         capture = self._capture
         if capture is None or not capture.grab():
             raise DriverError(f"{self._url}: the stream stopped")
-        captured_us = now_us()
+        captured_us, remark = now_us(), None
         if self._stamper is not None:
+            held = not self._stamper.made_up
             captured_us = self._stamper.stamp(round(capture.get(cv2.CAP_PROP_POS_MSEC) * 1000), captured_us)
+            if held and self._stamper.made_up:
+                remark = "stream_times_made_up", STREAM_TIMES
         taken, image = capture.retrieve()
         if not taken:
             raise DriverError(f"{self._url}: a frame could not be decoded")
-        return Grab(grey_of(image), captured_us)
+        return Grab(grey_of(image), captured_us, remark)
 
     def close(self) -> None:
         """Leave the stream."""

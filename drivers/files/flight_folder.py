@@ -140,16 +140,20 @@ class FlightFolder:
         """Frames of the video with their number in frames.csv.
 
         The rows count the frames as they were written. Where damage took frames out of the video, the gap in its
-        presentation times tells how many rows to pass over: as many as the stamps need to make up for the gap.
+        presentation times tells how many rows to pass over: as many as the stamps need to make up for the gap. With as
+        many frames as rows nothing is missing, whatever the times say: a camera a little off the file's nominal rate
+        leaves gaps in them too.
         """
         rows = self._table.rows
         period_s = 1 / (self.video.fps or DEFAULT_FPS)
         number, last_s = -1, 0.0
+        complete: bool | None = None
         for time_s, image in self.video.timed_images():
             number += 1
             before = rows.get(number - 1)
             if before is not None and time_s - last_s > (1 + GAP_MIN) * period_s:
-                number = self._row_after(before, number, time_s - last_s, period_s)
+                complete = self.video.count() == len(rows) if complete is None else complete
+                number = number if complete else self._row_after(before, number, time_s - last_s, period_s)
             last_s = time_s
             yield number, image
 

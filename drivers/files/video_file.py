@@ -79,6 +79,14 @@ class VideoFile:
             yield last_s, np.asarray(image, np.uint8)
         capture.release()
 
+    def count(self) -> int:
+        """How many frames can be decoded; reads the whole file."""
+        capture, count = self._open(), 0
+        while capture.grab():
+            count += 1
+        capture.release()
+        return count
+
     def frames(self, fps: float | None = None, start_us: int = 0) -> Iterator[Frame | Refusal]:
         """Frames stamped by their presentation times from ``start_us`` on; ``fps`` plays the file at another rate."""
         speed = self.fps / fps if fps and self.fps else 1.0

@@ -58,6 +58,8 @@ class TimeOffsetFilter:
         self._fixed = np.array((std_s == 0, readout_std_s == 0))
         self._attitude_error2 = 2 * attitude_error_std_rad**2
         self._first_std_s, self._drift = std_s, drift
+        self.farthest_s = _FARTHEST * std_s
+        """Bound of the search: a lateness found there is at least so much."""
         self._last_s: float | None = None
 
     @property
@@ -169,8 +171,7 @@ class TimeOffsetFilter:
         updated[:, self._fixed] = 0.0
         self._covariance = updated
         late_s, readout_s = self._covariance @ (share * surprise)
-        farthest = _FARTHEST * self._first_std_s
-        self.late_s = min(max(self.late_s + float(late_s), -farthest), farthest)
+        self.late_s = min(max(self.late_s + float(late_s), -self.farthest_s), self.farthest_s)
         self.readout_s = min(max(self.readout_s + float(readout_s), -_LONGEST_S), _LONGEST_S)
 
     def _of(self, information: Array, surprise: Array) -> Array:

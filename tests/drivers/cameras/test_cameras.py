@@ -1,5 +1,6 @@
 """Every kind of camera, over real sockets where there are any, and what happens when they fail."""
 
+import random
 import shutil
 import socket
 import subprocess
@@ -226,6 +227,33 @@ def test_stamping_starts_anew_when_presentation_times_fall_back():
     stamper.stamp(5_000_000, 100_000_000)
     assert stamper.stamp(0, 100_033_000) == 100_033_000
     assert stamper.stamp(33_000, 100_070_000) == 100_066_000
+
+
+@pytest.mark.parametrize(("nominal_hz", "true_hz"), [(25, 22.5), (25, 24.5), (30, 29)])
+def test_times_that_the_sender_makes_up_are_not_used(nominal_hz, true_hz):
+    stamper, chance, made_up_at = MinimumDelayStamper(), random.Random(1), None
+    for k in range(600):
+        seen_us = round(k * 1e6 / true_hz)
+        arrival_us = seen_us + 30_000 + chance.randrange(8_000)
+        stamp_us = stamper.stamp(round(k * 1e6 / nominal_hz), arrival_us)
+        assert -50_000 <= stamp_us - (seen_us + 30_000) <= 50_000
+        if stamper.made_up and made_up_at is None:
+            made_up_at = arrival_us
+    assert made_up_at is not None
+    assert made_up_at < 8_000_000
+
+
+@pytest.mark.parametrize("drift_ppm", [-200, 0, 200])
+@pytest.mark.parametrize("queue_us", [0, 60_000])
+def test_times_of_a_camera_s_clock_are_used_through_a_slow_network(drift_ppm, queue_us):
+    stamper, chance = MinimumDelayStamper(), random.Random(2)
+    for k in range(1800):
+        sent_us = round(k * 1e6 / 30)
+        late_us = queue_us if 600 <= k % 900 < 690 else 0
+        arrival_us = round(sent_us * (1 + drift_ppm * 1e-6)) + late_us + chance.randrange(15_000)
+        stamp_us = stamper.stamp(sent_us, arrival_us)
+        assert abs(stamp_us - sent_us * (1 + drift_ppm * 1e-6)) < 45_000
+    assert not stamper.made_up
 
 
 @given(st.integers(1, 6).filter(lambda channels: channels not in (1, 2, 3, 4)))

@@ -155,6 +155,18 @@ def test_a_gap_that_the_stamps_have_too_is_no_loss(flight):
     assert not [s for s in samples if isinstance(s, Refusal)]
 
 
+def test_a_camera_off_the_nominal_rate_of_the_file_loses_no_frame(flight):
+    """28.6 frames a second written into a file of 30: one slot in twenty stays empty, no frame is missing."""
+    video = VideoFile(flight / "camera.mkv")
+    images = [image for _, image in video.images()]
+    slots = [k + k // 20 for k in range(len(images))]
+    folder = FlightFolder(flight)
+    folder.video.timed_images = lambda: zip([slot / video.fps for slot in slots], images, strict=True)
+    samples = list(folder.samples())
+    assert [s.number for s in samples if isinstance(s, Frame)] == list(range(90))
+    assert not [s for s in samples if isinstance(s, Refusal)]
+
+
 def test_a_vehicle_that_is_not_in_the_log_is_named(recorded):
     with pytest.raises(DriverError, match="vehicle 9"):
         FlightFolder(recorded, system_id=9)

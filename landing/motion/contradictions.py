@@ -1,0 +1,137 @@
+"""Whether pictures, gyro and velocity speak of one motion; while they do not, there is no estimate.
+
+Three comparisons, each with its own statistic: the error of the measured rotation that the tracks show, against what
+its own uncertainty allows; the motion over the plane against the autopilot's velocity, whose direction must agree for
+some height; the lateness of the frames against what it was and against the bound of the search. Each statistic is a
+mean over the last second or two of chi-square per degree of freedom: 1 where all is well, whatever the noise.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from landing.reasons import Status
+
+Array = NDArray[np.float64]
+
+_FORGET_S = 1.5
+"""Time constant of the means, s."""
+
+_ROTATION_FAILS, _VELOCITY_FAILS = 8.0, 4.0
+"""Mean chi-square per degree of freedom above which a comparison fails; flights where all is well stay below 5, 0.1."""
+
+_HOLDS_SHARE = 0.375
+"""Share of that limit below which it holds again."""
+
+_LEAST_WEIGHT = 30.0
+"""Degrees of freedom behind a mean before it may fail."""
+
+_LEAST_SHARE = 1e-3
+"""Directions of the rotation of which the tracks tell less than this share of the prior's variance are left out."""
+
+_DRIFT = 0.3
+"""Slow error of the autopilot's velocity, one sigma of an axis, m/s: GPS drift, a slow filter, wind estimates."""
+
+_INVERSE_HEIGHTS = 1.0 / np.geomspace(0.3, 200.0, 60)
+"""Heights at which the velocity is compared, 1/m."""
+
+_LATE_CHANGE_S, _LATE_SETTLED_S, _LATE_FORGET_S, _LATE_SIGMAS = 0.03, 0.004, 30.0, 5.0
+AT_BOUND = 0.98
+"""A lateness of this share of the bound of the search is at least so much."""
+
+
+@dataclass(slots=True)
+class Mean:
+    """A mean of chi-square per degree of freedom that forgets, and whether it fails (with hysteresis)."""
+
+    limit: float
+    total: float = 0.0
+    weight: float = 0.0
+    fails: bool = False
+
+    def step(self, chi2: float, freedom: float, passed_s: float) -> None:
+        """Take one comparison with ``freedom`` degrees of freedom; 0: none was possible, time passes."""
+        kept = math.exp(-max(passed_s, 0.0) / _FORGET_S)
+        self.total, self.weight = kept * self.total + chi2, kept * self.weight + freedom
+        mean = self.total / self.weight if self.weight > 0 else 0.0
+        if self.weight >= _LEAST_WEIGHT:
+            self.fails = mean > (_HOLDS_SHARE * self.limit if self.fails else self.limit)
+
+
+def rotation_chi2(mean: Array, covariance: Array, prior_std: Array) -> tuple[float, int]:
+    """Chi-square and degrees of freedom of a rotation error (3,) rad found under a prior of zero mean.
+
+    The posterior mean has the covariance prior minus posterior, when prior and tracks are right.
+    """
+    prior = prior_std**2
+    if not (np.all(np.isfinite(mean)) and np.all(np.isfinite(covariance))):
+        return 0.0, 0
+    variance, axes = np.linalg.eigh(np.diag(prior) - covariance)
+    told = variance > _LEAST_SHARE * float(prior.max())
+    along = (axes.T @ mean)[told]
+    return float(np.sum(along**2 / variance[told])), int(np.count_nonzero(told))
+
+
+def velocity_chi2(velocity: Array, velocity_std: float, omega: Array, omega_std: Array) -> float:
+    """Chi-square, 2 degrees of freedom, of omega = velocity / h for the height h that suits best; nan: unknown.
+
+    ``velocity`` (3,) m/s and ``omega`` (3,) 1/s in the camera frame, ``velocity_std`` and ``omega_std`` (3,) one sigma.
+    """
+    known = np.isfinite(omega) & np.isfinite(omega_std)
+    if np.count_nonzero(known) < 2:
+        return math.nan
+    inverse = _INVERSE_HEIGHTS[:, None]
+    variance = omega_std[known] ** 2 + (inverse * math.hypot(velocity_std, _DRIFT)) ** 2
+    left = omega[known] - inverse * velocity[known]
+    return float(np.min(np.sum(left**2 / variance, axis=1)))
+
+
+class Contradictions:
+    """Feed it every frame; ``failing`` names the comparisons that fail, the first one is the status."""
+
+    def __init__(self, late_bound_s: float) -> None:
+        """``late_bound_s``: the largest lateness that the search can find."""
+        self._rotation, self._velocity = Mean(_ROTATION_FAILS), Mean(_VELOCITY_FAILS)
+        self._late_bound_s = late_bound_s
+        self._late_before_s: float | None = None
+        self._late_fails = False
+        self._last_s: float | None = None
+
+    @property
+    def failing(self) -> tuple[Status, ...]:
+        """The comparisons that fail now."""
+        all_of_them = (
+            (Status.ROTATION_CONTRADICTS, self._rotation.fails),
+            (Status.VELOCITY_CONTRADICTS, self._velocity.fails),
+            (Status.LATENESS_CONTRADICTS, self._late_fails),
+        )
+        return tuple(status for status, fails in all_of_them if fails)
+
+    def step(
+        self,
+        time_s: float,
+        rotation: tuple[float, int],
+        velocity_chi2_: float,
+        late_s: float,
+        late_std_s: float,
+    ) -> None:
+        """Take a frame's comparisons: chi-square and degrees of freedom, chi-square (nan: none), lateness."""
+        passed_s = 0.0 if self._last_s is None else time_s - self._last_s
+        self._last_s = time_s
+        self._rotation.step(*rotation, passed_s)
+        known = math.isfinite(velocity_chi2_)
+        self._velocity.step(velocity_chi2_ if known else 0.0, 2.0 if known else 0.0, passed_s)
+        self._step_lateness(late_s, late_std_s, passed_s)
+
+    def _step_lateness(self, late_s: float, std_s: float, passed_s: float) -> None:
+        at_bound = self._late_bound_s > 0 and abs(late_s) >= AT_BOUND * self._late_bound_s
+        changed = False
+        if self._late_before_s is not None:
+            change_s = late_s - self._late_before_s
+            changed = abs(change_s) > max(_LATE_CHANGE_S, _LATE_SIGMAS * std_s)
+            self._late_before_s += change_s * (1 - math.exp(-max(passed_s, 0.0) / _LATE_FORGET_S))
+        elif std_s < _LATE_SETTLED_S and not at_bound:
+            self._late_before_s = late_s
+        self._late_fails = at_bound or changed
