@@ -9,6 +9,7 @@ from companion.commands.closed_pipe import discard_output
 from companion.commands.table import COMMANDS, parser_for
 from companion.errors import LandslopeError
 from drivers.errors import DriverError
+from drivers.secrets import masked
 from drivers.system.process_memory import keep_freed_memory
 from landing.errors import LandingError
 
@@ -55,6 +56,18 @@ def main(argv: list[str] | None = None) -> int:
     except BrokenPipeError:
         discard_output()
         return 141
+    except OSError as error:
+        print(f"landslope {words[0]}: {_of_the_system(error)}", file=sys.stderr)
+        return 2
+
+
+def _of_the_system(error: OSError) -> str:
+    """A file, folder or address that cannot be used, in one line with what to do."""
+    what = error.filename or error.filename2 or "the system"
+    text = f"{masked(str(what))}: {error.strerror or error}"
+    if isinstance(error, PermissionError):
+        text += "; flights of the service may be read by the group 'landslope': usermod -aG landslope USER"
+    return text
 
 
 def _is_text(word: str) -> bool:

@@ -4,10 +4,8 @@ Every estimator method is measured on the same pictures. The same seed gives the
 """
 
 import argparse
-import multiprocessing
 import sys
 import time
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import cv2
@@ -16,6 +14,7 @@ from companion.errors import LandslopeError
 from companion.experiments import flatness, handheld, slopes, stairs, zoom
 from companion.experiments.measure import METHODS, Job, Outcome
 from companion.experiments.report import Section, new_figure, write_report
+from drivers.system.workers import worker_pool
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -81,10 +80,7 @@ def run_jobs(groups: dict[str, list[Job]], processes: int) -> dict[str, list[Out
     """All jobs of all groups, several at a time; the outcomes in the order of the jobs."""
     jobs = [job for group in groups.values() for job in group]
     outcomes: list[Outcome] = []
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(
-        processes, mp_context=context, initializer=cv2.setNumThreads, initargs=(1,)
-    ) as pool:
+    with worker_pool(processes, cv2.setNumThreads, (1,)) as pool:
         futures = [pool.submit(job) for job in jobs]
         for future in futures:
             outcomes.append(future.result())

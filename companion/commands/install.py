@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from companion.commands.table import installed_documents
+from companion.errors import LandslopeError
 from companion.install.install import (
     DEFAULT_PREFIX,
     SETTINGS_DIRECTORY,
@@ -38,6 +39,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Take the steps, each said before it is taken."""
+    if args.purge and not args.uninstall:
+        raise LandslopeError(
+            "--purge deletes settings and flights and goes with --uninstall alone: nothing was done"
+        )
     options = InstallOptions(
         args.prefix,
         args.root,
@@ -56,7 +61,8 @@ def run(args: argparse.Namespace) -> int:
     if not args.uninstall:
         print(
             f"\nnext: edit {SETTINGS_DIRECTORY / 'landslope.toml'}, then\n"
-            f"  landslope doctor --config {SETTINGS_DIRECTORY / 'landslope.toml'}\n"
-            "  systemctl start landslope"
+            f"  {args.prefix / 'bin' / 'landslope'} doctor --config {SETTINGS_DIRECTORY / 'landslope.toml'}\n"
+            "  systemctl start landslope\n"
+            "users who may read flights: usermod -aG landslope USER"
         )
     return 0

@@ -8,10 +8,9 @@ in it.
 import argparse
 import multiprocessing
 import os
-import signal
 import sys
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, wait
+from concurrent.futures import Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from pathlib import Path
@@ -21,6 +20,7 @@ from companion.errors import LandslopeError
 from companion.replay.output import check_writable, names_of, outputs_for
 from drivers.errors import DriverError
 from drivers.files.video_writer import check_video_name
+from drivers.system.workers import worker_pool
 from landing.errors import LandingError
 
 if TYPE_CHECKING:
@@ -164,7 +164,6 @@ _reports: Any = None
 def _start_worker(queue: Any) -> None:
     global _reports
     _reports = queue
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # an interrupt ends a worker without a traceback
 
 
 def _work(job: "ReplayJob") -> tuple[str, bool]:
@@ -177,7 +176,7 @@ def _in_parallel(jobs: "Sequence[ReplayJob]", bars: "Any") -> list[tuple[str, bo
     with context.Manager() as manager:
         queue = manager.Queue()
         workers = min(len(jobs), os.cpu_count() or 1)
-        with ProcessPoolExecutor(workers, context, _start_worker, (queue,)) as pool:
+        with worker_pool(workers, _start_worker, (queue,)) as pool:
             futures = [pool.submit(_work, job) for job in jobs]
             pending: set[Future[tuple[str, bool]]] = set(futures)
             while pending:

@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run until SIGTERM or SIGINT; 1 when a thread broke, so that the service manager starts anew."""
+    """Run until SIGTERM or SIGINT; 1 when something broke that only a restart mends."""
     _log_to_stderr(logging.DEBUG if args.verbose else logging.INFO)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)  # until the daemon can take settings over
     loaded = load(args.config, args.overrides)
@@ -60,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     daemon = Daemon(settings, inputs, lambda: load(args.config, args.overrides).settings)
     stop_on_signals(daemon)
     daemon.run()
-    return 1 if broken.is_set() else 0
+    return 1 if broken.is_set() or daemon.failed else 0
 
 
 def _log_to_stderr(level: int) -> None:

@@ -95,6 +95,7 @@ class Consent:
             two_vehicles=self._health.forbids(Code.TWO_VEHICLES),
             calibrated=not self._health.forbids(Code.UNCALIBRATED),
             camera_frozen=self._health.forbids(Code.CAMERA_FROZEN),
+            image_size_wrong=self._health.forbids(Code.IMAGE_SIZE),
             command_busy=command_busy,
         )
         return objections(self.permission, gate)

@@ -179,7 +179,13 @@ class Core:
 
     def _process(self, ready: ReadyFrame, out: list[Output]) -> None:
         frame, attitude = ready.frame, ready.attitude
-        if frame.image.shape != (self._camera.height, self._camera.width):
+        height, width = frame.image.shape
+        asked = self._camera.width, self._camera.height
+        right = (width, height) == asked
+        self._health.wrong_size = (
+            "" if right else f"pictures are {width} x {height}, not {asked[0]} x {asked[1]}"
+        )
+        if not right:
             self._health.refuse("frames", "image_size")
             self._no_estimate(frame, ready.exposure_us, "image_size", out)
             return

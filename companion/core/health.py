@@ -119,6 +119,8 @@ class HealthMonitor:
         self.vehicles_clash = False
         self.camera_frozen = False
         self._heartbeat: Heartbeat | None = None
+        self.wrong_size = ""
+        """What size the pictures have where it is not the calibration's; empty while it is."""
         self.calibrated = True
         self.radio_lost = False
         self.standing: tuple[Condition, ...] = ()
@@ -189,6 +191,8 @@ class HealthMonitor:
             yield condition(Code.CAMERA_FROZEN)
         if self.vehicles_clash:
             yield condition(Code.TWO_VEHICLES)
+        if self.wrong_size:
+            yield condition(Code.IMAGE_SIZE, detail=self.wrong_size)
         if not self.calibrated:
             yield condition(Code.UNCALIBRATED)
         if self.radio_lost:

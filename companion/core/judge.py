@@ -205,7 +205,7 @@ class Judge:
         if self._health.calibrated or verdict.verdict != "fit":
             return verdict
         reasons = (Reason(Code.UNCALIBRATED),)
-        changed = (self._verdict.verdict, self._verdict.reasons) != ("unknown", reasons)
+        changed = (self._verdict.verdict, codes(self._verdict.reasons)) != ("unknown", codes(reasons))
         return replace(verdict, verdict="unknown", reasons=reasons, changed=changed)
 
     def _events_of(self, changes: list[CommandChange], text: str = "") -> list[Event]:

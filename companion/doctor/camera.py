@@ -59,7 +59,8 @@ class CameraExamination:
         status = self._camera.status() if self._camera is not None else None
         if self._image is None or len(self._frames) < 3:
             fault = self._fault or (status.problem if status is not None else "") or "no frame came"
-            return [Finding("camera", "failure", fault, "check cable, power and camera.source")]
+            remedy = (status.remedy if status is not None else "") or "check cable, power and camera.source"
+            return [Finding("camera", "failure", fault, remedy)]
         findings = [self._opened(), self._rate(), self._exposure(), self._sharpness(), self._calibration()]
         if self._refused:
             reasons = sorted({refusal.reason for refusal in self._refused})
@@ -166,7 +167,9 @@ class CameraExamination:
             return Finding(
                 "calibration", "warning", "none: slopes will be rough", "run 'landslope calibrate'"
             )
-        across = 2 * np.degrees(np.arctan(image.shape[1] / 2 / model.matrix[0, 0]))
+        middle = (image.shape[0] - 1) / 2
+        left, right = model.undistort(np.array(((0.0, middle), (image.shape[1] - 1.0, middle))))[:, 0]
+        across = np.degrees(np.arctan(right) - np.arctan(left))
         text = f"{self._settings.camera.calibration} fits, {across:.0f} degrees across"
         if not self._settings.camera.time_offset_s:
             return Finding(

@@ -18,8 +18,8 @@ def examine(
     """Look at everything; camera and link are watched side by side for ``seconds``."""
     options = options or DoctorOptions()
     settings = loaded.settings
-    yield from settings_findings(loaded)
-    yield from instance_findings(settings)
+    yield from _guarded("settings", settings_findings(loaded))
+    yield from _guarded("service", instance_findings(settings))
     camera = CameraExamination(settings, options)
     link = LinkExamination(settings, options)
     try:
@@ -34,5 +34,14 @@ def examine(
     finally:
         camera.close()
         link.close()
-    yield from disk_findings(settings)
-    yield from zenoh_findings(settings)
+    yield from _guarded("disk", disk_findings(settings))
+    yield from _guarded("zenoh", zenoh_findings(settings))
+
+
+def _guarded(subject: str, findings: Iterator[Finding]) -> Iterator[Finding]:
+    """What may not be looked at is a finding, and the rest is looked at all the same."""
+    try:
+        yield from findings
+    except OSError as error:
+        remedy = "look as the service's user: sudo -u landslope, or join the group 'landslope'"
+        yield Finding(subject, "failure", f"{error.filename or 'a file'}: {error.strerror or error}", remedy)

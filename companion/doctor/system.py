@@ -15,6 +15,7 @@ from companion.settings.settings import Settings
 from companion.settings.settings_file import LoadedSettings
 from drivers.bus import Bus
 from drivers.errors import DriverError
+from drivers.secrets import is_key
 
 LOCK_DIRECTORIES = ("/run/landslope",)
 """Where the service's lock lies; a landslope started by hand has it elsewhere."""
@@ -48,9 +49,23 @@ def settings_findings(loaded: LoadedSettings) -> Iterator[Finding]:
     else:
         allowed = ", ".join(landing.allowed_modes)
         yield Finding("landing", "ok", f"enabled {' and '.join(ways)}, in modes {allowed}")
-    key = Path(loaded.settings.mavlink.signing_key)
-    if loaded.settings.mavlink.signing_key and key.is_file() and key.stat().st_mode & 0o007:
-        yield Finding("signing key", "warning", f"{key} is readable by everybody", f"chmod 640 {key}")
+    yield from _key_findings(loaded)
+
+
+def _key_findings(loaded: LoadedSettings) -> Iterator[Finding]:
+    """Where the signing key is, and whether others can read it: who has it commands the vehicle."""
+    given = loaded.settings.mavlink.signing_key
+    if not given:
+        return
+    inline = is_key(given)
+    where = loaded.file if inline else Path(given)
+    what = "stands in mavlink.signing_key itself" if inline else f"is read from the file {given}"
+    if where is not None and where.is_file() and where.stat().st_mode & 0o007:
+        yield Finding(
+            "signing key", "warning", f"{what}; {where} is readable by everybody", f"chmod 640 {where}"
+        )
+    else:
+        yield Finding("signing key", "ok", what)
 
 
 def instance_findings(settings: Settings) -> Iterator[Finding]:

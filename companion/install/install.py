@@ -71,13 +71,22 @@ def install_steps(options: InstallOptions) -> Iterator[Step]:
             yield _write(text, target, options)
     if options.root is None:
         yield _command("systemd-sysusers", str(SYSTEM_FILES["landslope.sysusers.conf"]))
+    if options.root is None and systemd_runs():
         yield _tolerated(_command("udevadm", "control", "--reload"))
         yield _tolerated(
             _command("udevadm", "trigger", "--subsystem-match=tty", "--subsystem-match=video4linux")
         )
         yield _command("systemctl", "daemon-reload")
         yield _command("systemctl", "try-restart", UNIT)
-    if options.enable:
+    elif options.root is None:
+        yield Step(
+            "systemd does not run here: the service starts at the next boot",
+            lambda: None,
+        )
+    if options.enable and options.root is not None and not _is_ours(_below(options.root, options.prefix)):
+        text = f"not enabled: no environment is at {options.prefix} below {options.root} yet; make it, then"
+        yield Step(f"{text} 'systemctl --root={options.root} enable {UNIT}'", lambda: None)
+    elif options.enable:
         where = [] if options.root is None else [f"--root={options.root}"]
         yield _command("systemctl", *where, "enable", UNIT)
 
@@ -85,7 +94,8 @@ def install_steps(options: InstallOptions) -> Iterator[Step]:
 def uninstall_steps(options: InstallOptions, purge: bool) -> Iterator[Step]:
     """Take landslope off again; settings and flights stay unless ``purge``."""
     if options.root is None:
-        yield _command("systemctl", "disable", "--now", UNIT)
+        now = ("--now",) if systemd_runs() else ()
+        yield _command("systemctl", "disable", *now, UNIT)
     elif _below(options.root, SYSTEM_FILES[UNIT]).exists():
         yield _command("systemctl", f"--root={options.root}", "disable", UNIT)
     for target in (*SYSTEM_FILES.values(), *DOCUMENTS):
@@ -95,9 +105,14 @@ def uninstall_steps(options: InstallOptions, purge: bool) -> Iterator[Step]:
     if purge:
         yield _remove(SETTINGS_DIRECTORY, options)
         yield _remove(STATE_DIRECTORY, options)
-    if options.root is None:
+    if options.root is None and systemd_runs():
         yield _command("systemctl", "daemon-reload")
         yield _tolerated(_command("udevadm", "control", "--reload"))
+
+
+def systemd_runs() -> bool:
+    """Whether this machine was booted by systemd: not so in a chroot, where units are only enabled."""
+    return Path("/run/systemd/system").is_dir()
 
 
 def check_rights(options: InstallOptions) -> None:

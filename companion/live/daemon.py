@@ -37,6 +37,8 @@ TICK_S = 0.1
 ANSWER_S = 10.0
 """How long the end waits for the answer to a command; MAVSDK gives up by then."""
 CLOSE_S = 2.0
+ESTIMATORS_NEED = frozenset({"ATTITUDE", "RAW_IMU", "HIGHRES_IMU"})
+"""Messages whose rate the estimates depend on."""
 
 GATHER_S = 0.02
 """Telemetry is gathered for so long while no frame waits for it."""
@@ -56,6 +58,8 @@ class Daemon:
         self._inputs, self._inbox = inputs, inputs.inbox
         self._link, self._camera = inputs.link, inputs.camera
         self._estimate_us = 0
+        self.failed = ""
+        """Why the daemon ends by itself, to be started anew; empty while it need not."""
         self._load, self._reload_wanted = load, False
         with ExitStack() as stack:
             stack.callback(inputs.close)
@@ -137,6 +141,10 @@ class Daemon:
             self.pipeline.feed(samples)
         else:
             self.pipeline.tick(now_us())
+        if self._camera.status().stuck and not self.failed:
+            self.failed = "every read of the camera hangs in its driver; only a new process can open it again"
+            self.pipeline.tell(DriverEvent("camera_stuck", "error", self.failed, now_us()))
+            self.stop()
         self.service.alive()
 
     def _reload(self) -> None:
@@ -213,6 +221,8 @@ class Daemon:
         if self._link is not None:
             wanted = self._link.rates.wanted_hz
             for name, hz in self._link.slow.items():
+                if name not in ESTIMATORS_NEED:
+                    continue  # an event tells of it; its age is watched where it matters
                 found.append(condition(Code.RATE_TOO_LOW, name, f"{hz:.1f} Hz of {wanted[name]:g}"))
             if self._link.unsigned_only:
                 found.append(condition(Code.UNSIGNED))

@@ -119,13 +119,9 @@ class LivePipeline:
         )
 
     def _fit(self, frame: Frame) -> None:
-        """Without a calibration the first frame tells the size."""
+        """Without a calibration the frames say the size."""
         height, width = frame.image.shape
-        if (
-            not self._settings.camera.calibration
-            and self.counted["frames"] == 1
-            and (width, height) != self._size
-        ):
+        if not self._settings.camera.calibration and (width, height) != self._size:
             self._size = (width, height)
             self._core = self._new_core()
 

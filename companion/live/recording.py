@@ -12,7 +12,8 @@ from companion.messages.conditions import Code, Condition, condition
 from companion.messages.messages import Message, encode, topic_of
 from companion.settings.masking import without_secrets
 from companion.settings.settings import RecordSettings, Settings
-from companion.settings.settings_file import entries, value_of, written
+from companion.settings.settings_file import entries, value_of
+from companion.settings.toml_text import written
 from drivers.events import DriverEvent
 from drivers.files.flight_folder import CALIBRATION
 from drivers.files.recorder import FlightPapers, Recorder, RecorderOptions

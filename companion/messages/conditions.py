@@ -22,6 +22,7 @@ class Code(StrEnum):
     CLOCKS_UNRELATED = "clocks_unrelated"
     CAMERA_FROZEN = "camera_frozen"
     TWO_VEHICLES = "two_vehicles"
+    IMAGE_SIZE = "image_size"
     UNCALIBRATED = "uncalibrated"
     RECORDING_STOPPED = "recording_stopped"
     CLOCK_WITHOUT_DATE = "clock_without_date"
@@ -49,6 +50,7 @@ KINDS = {
         "error", "camera: the picture stands still while the vehicle turns", forbids_landing=True
     ),
     Code.TWO_VEHICLES: Kind("error", "two vehicles on the link: set vehicle.system_id", forbids_landing=True),
+    Code.IMAGE_SIZE: Kind("error", "camera: {detail}", forbids_landing=True),
     Code.UNCALIBRATED: Kind("warning", "the camera is not calibrated", forbids_landing=True),
     Code.INPUT_MISSING: Kind("warning", "{subject}: none came"),
     Code.INPUT_STALE: Kind("warning", "{subject}: none for {detail}"),

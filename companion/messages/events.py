@@ -44,12 +44,15 @@ EVENTS = {
     "rate_too_low": ("warning", "a message comes more rarely than was asked for"),
     "camera_lost": ("warning", "the camera gives no frames"),
     "camera_back": ("info", "the camera gives frames again"),
+    "camera_stuck": ("error", "every read of the camera hangs; the process ends to be started anew"),
     "camera_ended": ("info", "the video is at its end"),
     "recording_started": ("info", "a flight folder was opened"),
     "recording_stopped": ("info", "the recording ended"),
     "recording_refused": ("error", "there is no room for a recording"),
     "recording_behind": ("warning", "the disk is too slow; parts of the recording are lost"),
-    "recording_failed": ("error", "the recording could not be written and ended"),
+    "recording_failed": ("error", "the recording could not be written; it is tried again"),
+    "recording_continued": ("info", "a flight folder has its size, the recording goes on in a new one"),
+    "recording_deleted": ("info", "the oldest flight folder made room"),
 }
 """Name -> (severity, meaning)."""
 

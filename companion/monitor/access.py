@@ -43,7 +43,12 @@ class Gate:
             await self._app(scope, receive, send)
             return
         headers = {k.decode("latin-1").lower(): v.decode("latin-1") for k, v in scope["headers"]}
-        if not self._is_ours(scope, headers):
+        try:
+            ours = self._is_ours(scope, headers)
+        except ValueError:  # a host or an origin that is none, as "[::1" or a port of letters
+            await _answer(scope, send, 400, b"the request's Host or Origin header is broken")
+            return
+        if not ours:
             await _answer(scope, send, 403, b"this page is watched at its own address only")
         elif self._token is None or self._is_known(headers):
             await self._app(scope, receive, send)
@@ -53,8 +58,10 @@ class Gate:
             await _answer(scope, send, 401, LOGIN_PAGE)
 
     def _is_ours(self, scope: Scope, headers: dict[str, str]) -> bool:
+        """Raises ValueError for a Host or Origin that is none."""
         host = headers.get("host", "")
-        if self._token is None and urlsplit(f"//{host}").hostname not in LOCAL_NAMES:
+        named = urlsplit(f"//{host}")
+        if self._token is None and (named.port == 0 or named.hostname not in LOCAL_NAMES):
             return False
         origin = headers.get("origin")
         return scope["type"] == "http" or origin is None or urlsplit(origin).netloc == host

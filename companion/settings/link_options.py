@@ -1,9 +1,14 @@
 """The [mavlink] and [vehicle] sections as the link takes them."""
 
+import hashlib
+import os
+from collections.abc import Sequence
 from pathlib import Path
 
+from companion.errors import LandslopeError
 from companion.settings.settings import Settings
 from drivers.mavlink.link import LinkOptions
+from drivers.mavlink.ports import is_local, parse_port
 from drivers.mavlink.signing import read_key
 
 SYSTEM_STATUS_HZ = 2.0
@@ -11,8 +16,14 @@ SYSTEM_STATUS_HZ = 2.0
 
 
 def link_options(settings: Settings, connection: str = "") -> LinkOptions:
-    """Options of a link on ``connection``, or on ``mavlink.connection``. Raises DriverError on a bad signing key."""
+    """Options of a link on ``connection``, or on ``mavlink.connection``.
+
+    Raises DriverError on a bad signing key, LandslopeError on a forward endpoint that others reach.
+    """
     m = settings.mavlink
+    if not m.forward_open:
+        _refuse_open(m.forward)
+    key = read_key(m.signing_key) if m.signing_key else None
     radio = {"RC_CHANNELS": m.state_rate_hz} if settings.landing.enable_rc_channel else {}
     return LinkOptions(
         connection=connection or m.connection,
@@ -30,6 +41,30 @@ def link_options(settings: Settings, connection: str = "") -> LinkOptions:
         }
         | radio,
         forward=m.forward,
-        signing_key=read_key(Path(m.signing_key)) if m.signing_key else None,
+        signing_key=key,
+        signing_memory=None if key is None else state_directory() / f"signing_{_fingerprint(key)}.json",
         timesync_interval_s=1 / m.timesync_rate_hz,
     )
+
+
+def state_directory() -> Path:
+    """Where the service keeps what must survive a restart; in a user's session the user's own place for that."""
+    given = os.environ.get("STATE_DIRECTORY", "").partition(":")[0]
+    if given:
+        return Path(given)
+    home = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
+    return Path(home) / "landslope"
+
+
+def _fingerprint(key: bytes) -> str:
+    """Tells keys apart and gives none away."""
+    return hashlib.sha256(b"landslope signing time" + key).hexdigest()[:12]
+
+
+def _refuse_open(forward: Sequence[str]) -> None:
+    for connection in forward:
+        if not is_local(parse_port(connection)):
+            raise LandslopeError(
+                f"mavlink.forward: '{connection}' is not on this machine: whoever reaches it commands the vehicle; "
+                "use a loopback address, or set mavlink.forward_open = true"
+            )

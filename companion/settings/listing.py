@@ -12,14 +12,15 @@ from companion.settings.settings_file import (
     value_of,
     written,
 )
-from drivers.secrets import masked
+from drivers.secrets import is_key, masked
 
 
 def missing_files(loaded: LoadedSettings) -> Iterator[str]:
     """One line for each file that the settings name and that is not there."""
     for entry in entries():
         value = value_of(loaded.settings, entry.path)
-        if entry.is_file and value and entry.must_exist and not Path(value).exists():
+        is_path = entry.is_file and value and not (entry.or_key and is_key(value))
+        if is_path and entry.must_exist and not Path(value).exists():
             yield f"{loaded.origins[entry.path]}: {entry.path} = {written(value)}: there is no such file"
 
 

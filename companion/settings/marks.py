@@ -27,3 +27,5 @@ class FilePath:
 
     meaning: str = ""
     must_exist: bool = True
+    or_key: bool = False
+    """Whether a key in hexadecimal digits may stand there in place of a path."""

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from companion.settings.marks import FilePath, Meaning, UserSettings
 from companion.settings.publishing import PreviewSettings, VehicleSettings, ZenohSettings
+from companion.settings.record_settings import RecordSettings
 from landing.options import DecisionOptions, EstimatorOptions, GroundOptions, Limits, TrackingOptions
 
 
@@ -66,8 +67,15 @@ class MavlinkSettings:
     forward: Annotated[
         tuple[str, ...], Meaning('endpoints of other programs on the same link, as "udpout:127.0.0.1:14560"')
     ] = ()
+    forward_open: Annotated[
+        bool, Meaning("allow mavlink.forward to addresses off this machine: whoever reaches them can command")
+    ] = False
     signing_key: Annotated[
-        str, FilePath("MAVLink 2 signing key (32 bytes or 64 hex digits); empty: nothing is signed")
+        str,
+        FilePath(
+            "MAVLink 2 signing key: 64 hex digits, or a file with them or 32 bytes; empty: no signing",
+            or_key=True,
+        ),
     ] = ""
     heartbeat_max_age_s: Annotated[
         float,
@@ -237,35 +245,6 @@ class LandingSettings:
     unfit_min_contact_s: Annotated[
         float, Limits(0.5, 30, "s", "the same limit as time to contact, used when the height is unknown")
     ] = 3.0
-
-
-@dataclass(frozen=True, slots=True)
-class RecordSettings:
-    """Whether and how flights are recorded, as folders that a replay plays back."""
-
-    directory: Annotated[
-        str, FilePath("directory for recorded flights; empty: nothing is recorded", must_exist=False)
-    ] = ""
-    when: Annotated[
-        Literal["armed", "always", "manual"],
-        Meaning("record while armed, always, or from SIGUSR1 to SIGUSR2"),
-    ] = "armed"
-    after_disarm_s: Annotated[float, Limits(0, 600, "s", "time that recording continues after disarming")] = (
-        5.0
-    )
-    jpeg_quality: Annotated[int, Limits(50, 100, "", "JPEG quality of the recorded frames")] = 95
-    max_flight_mb: Annotated[int, Limits(1, 1_000_000, "MB", "size at which a new folder is begun")] = 4000
-    min_free_mb: Annotated[int, Limits(1, 1_000_000, "MB", "free space below which nothing is recorded")] = (
-        500
-    )
-    max_total_mb: Annotated[
-        int, Limits(0, 100_000_000, "MB", "maximum size of all flight folders together; 0: no limit")
-    ] = 0
-    when_full: Annotated[
-        Literal["stop", "delete_oldest"],
-        Meaning("at record.max_total_mb or record.min_free_mb: stop recording, or delete the oldest flights"),
-    ] = "stop"
-    mcap: Annotated[bool, Meaning("also write flight.mcap for Foxglove (needs the extra 'record')")] = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,12 +6,11 @@ section, is read, bounded, explained and overridable without further code.
 
 import dataclasses
 import difflib
+import functools
 import math
-import re
-import tomllib
 import types
 import typing
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -19,16 +18,37 @@ from typing import Any, Literal
 import msgspec
 
 from companion.errors import SettingsError
-from companion.settings.entries import Entry, bare, entries, hints_of
+from companion.settings.marks import FilePath, UserSettings
+from companion.settings.mode_names import MODE_SETTINGS, flight_modes
 from companion.settings.moved import MOVED
 from companion.settings.settings import Settings
-from landing.decision.permission import AUTOMATIC_MODES
+from companion.settings.toml_text import line_numbers, parse_toml, read_text, shown, written
+from drivers.secrets import is_key
+from landing.options import Limits
 
 T = typing.TypeVar("T")
 DEFAULT = "default"
 OVERRIDE = "--set"
-ENABLE_MODES = "landing.enable_modes"
-MODE_SETTINGS = frozenset({ENABLE_MODES, "landing.allowed_modes"})
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One setting as the dataclasses declare it; ``path`` is ``section.key``, ``type`` without annotations."""
+
+    path: str
+    type: Any
+    default: Any
+    limits: Limits | None
+    meaning: str
+    is_file: bool
+    must_exist: bool
+    internal: bool = False
+    or_key: bool = False
+
+    @property
+    def unit(self) -> str:
+        """The unit, empty where there is none."""
+        return self.limits.unit if self.limits else ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +62,26 @@ class LoadedSettings:
     origins: dict[str, str]
     file: Path | None
     notes: tuple[str, ...] = ()
+
+
+def entries(
+    section: type = Settings, prefix: str = "", users: Collection[str] | None = None
+) -> Iterator[Entry]:
+    """Every setting there is, in the order of the dataclasses.
+
+    ``users`` names the fields of ``section`` that are for users; None: all are.
+    """
+    hints = _hints(section)
+    for field in dataclasses.fields(section):
+        hint = hints[field.name]
+        path = prefix + field.name
+        kind = _bare(hint)
+        if dataclasses.is_dataclass(kind):
+            mark = _mark(hint, UserSettings)
+            yield from entries(typing.cast(type, kind), path + ".", mark.names if mark else None)
+        else:
+            internal = users is not None and field.name not in users
+            yield _entry(path, hint, _default(field), internal)
 
 
 def load(file: Path | None, overrides: Sequence[str] = ()) -> LoadedSettings:
@@ -70,9 +110,9 @@ def load(file: Path | None, overrides: Sequence[str] = ()) -> LoadedSettings:
             faults.append(f"{where}: {fault}")
 
     if file is not None:
-        text = _read(file)
-        lines = _lines(text)
-        for path, raw in _flatten(_parse(file, text), known):
+        text = read_text(file)
+        lines = line_numbers(text)
+        for path, raw in _flatten(parse_toml(text, file), known):
             where = f"{file}:{lines[path]}" if path in lines else str(file)
             take(path, raw, file.parent, where, where)
     for override in overrides:
@@ -114,17 +154,6 @@ def value_of(settings: Settings, path: str) -> Any:
     return value
 
 
-def written(value: Any) -> str:
-    """A value as TOML writes it."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
-    if isinstance(value, (tuple, list)):
-        return "[" + ", ".join(map(written, value)) + "]"
-    return "" if value is None else str(value)
-
-
 def type_name(entry: Entry) -> str:
     """What may be written there, in words."""
     origin = typing.get_origin(entry.type)
@@ -132,7 +161,7 @@ def type_name(entry: Entry) -> str:
         return "one of " + ", ".join(map(written, typing.get_args(entry.type)))
     if origin is tuple:
         return "a list of " + {str: "strings", int: "integers", float: "numbers"}.get(
-            bare(typing.get_args(entry.type)[0]), "values"
+            _bare(typing.get_args(entry.type)[0]), "values"
         )
     names = {bool: "true or false", int: "an integer", float: "a number", str: "a string"}
     members = [t for t in _members(entry.type) if t is not type(None)]
@@ -140,24 +169,39 @@ def type_name(entry: Entry) -> str:
     return " or ".join(word or names.get(t, str(t)) for word, t in zip(words, members, strict=True))
 
 
+def _entry(path: str, hint: Any, default: Any, internal: bool) -> Entry:
+    marks: tuple[Any, ...] = getattr(hint, "__metadata__", ())
+    words = (mark if isinstance(mark, str) else getattr(mark, "meaning", "") for mark in marks)
+    meaning = next(filter(None, words), "")
+    file = _mark(hint, FilePath)
+    must_exist = file is not None and file.must_exist
+    or_key = file is not None and file.or_key
+    limits = _mark(hint, Limits)
+    return Entry(path, _bare(hint), default, limits, meaning, file is not None, must_exist, internal, or_key)
+
+
+@functools.cache
+def _hints(section: type) -> dict[str, Any]:
+    return typing.get_type_hints(section, include_extras=True)
+
+
+def _mark(hint: Any, kind: type[T]) -> T | None:
+    """The first annotation of that kind behind a type."""
+    return next((mark for mark in getattr(hint, "__metadata__", ()) if isinstance(mark, kind)), None)
+
+
+def _default(field: "dataclasses.Field[Any]") -> Any:
+    if field.default_factory is not dataclasses.MISSING:
+        return field.default_factory()
+    return field.default
+
+
+def _bare(hint: Any) -> Any:
+    return typing.get_args(hint)[0] if hasattr(hint, "__metadata__") else hint
+
+
 def _members(kind: Any) -> tuple[Any, ...]:
     return typing.get_args(kind) if typing.get_origin(kind) in (typing.Union, types.UnionType) else (kind,)
-
-
-def _read(file: Path) -> str:
-    try:
-        return file.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise SettingsError(f"{file}: there is no such settings file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise SettingsError(f"{file}: cannot be read as UTF-8 text: {error}") from None
-
-
-def _parse(file: Path, text: str) -> dict[str, Any]:
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise SettingsError(f"{file}: is not TOML: {error}") from None
 
 
 def _flatten(table: dict[str, Any], known: dict[str, Entry], prefix: str = "") -> Iterator[tuple[str, Any]]:
@@ -174,18 +218,6 @@ def _is_section(path: str, known: dict[str, Entry]) -> bool:
     return any(name.startswith(path + ".") for name in known)
 
 
-def _lines(text: str) -> dict[str, int]:
-    """Line numbers of ``key = value`` lines by dotted path (tomllib keeps none)."""
-    found: dict[str, int] = {}
-    section = ""
-    for number, line in enumerate(text.splitlines(), 1):
-        if header := re.match(r"\s*\[\s*([\w.\s\"'-]+?)\s*\]", line):
-            section = re.sub(r"[\s\"']", "", header[1]) + "."
-        elif key := re.match(r"\s*([\w.\s\"'-]+?)\s*=", line):
-            found.setdefault(section + re.sub(r"[\s\"']", "", key[1]), number)
-    return found
-
-
 def _override(text: str, known: dict[str, Entry]) -> tuple[str, Any]:
     """``section.key=value``: a TOML value, or, where a string or list of strings is wanted, bare text."""
     path, equals, raw = text.partition("=")
@@ -193,8 +225,8 @@ def _override(text: str, known: dict[str, Entry]) -> tuple[str, Any]:
     if not equals:
         raise ValueError("write section.key=value")
     try:
-        value = tomllib.loads(f"v = {raw}")["v"]
-    except tomllib.TOMLDecodeError:
+        value = parse_toml(f"v = {raw}", path)["v"]
+    except SettingsError:
         value = raw
     kind = known[path].type if path in known else None
     if typing.get_origin(kind) is tuple and not isinstance(value, list):
@@ -211,43 +243,23 @@ def _checked(known: dict[str, Entry], path: str, raw: Any, directory: Path) -> A
     entry = known[path]
     try:
         value = msgspec.convert(raw, entry.type, strict=True)
-    except msgspec.ValidationError:
-        near = _nearest(str(raw), [str(a) for a in typing.get_args(entry.type)])
-        raise ValueError(f"{path} must be {type_name(entry)}, not {written(raw)}{near}") from None
+    except (msgspec.ValidationError, OverflowError):
+        near = _nearest(shown(raw), [str(a) for a in typing.get_args(entry.type)])
+        raise ValueError(f"{path} must be {type_name(entry)}, not {shown(raw)}{near}") from None
     for number in value if isinstance(value, tuple) else (value,):
         if isinstance(number, str):
             continue
         if entry.limits and number is not None and not entry.limits.low <= number <= entry.limits.high:
             unit = f" {entry.unit}" if entry.unit else ""
             low, high = entry.limits.low, entry.limits.high
-            raise ValueError(f"{path} = {written(number)} is outside its limits {low:g} to {high:g}{unit}")
+            raise ValueError(f"{path} = {shown(number)} is outside its limits {low:g} to {high:g}{unit}")
         if isinstance(number, float) and not math.isfinite(number):
             raise ValueError(f"{path} = {number} is not a finite number")
     if path in MODE_SETTINGS:
-        return _modes(path, value)
-    if entry.is_file and value:
+        return flight_modes(path, value, _nearest)
+    if entry.is_file and value and not (entry.or_key and is_key(value)):
         return str((directory / Path(value).expanduser()).absolute())
     return value
-
-
-def _modes(path: str, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Flight modes by the names that heartbeats are read by; ValueError for one that no autopilot has."""
-    from drivers.mavlink.flight_modes import (  # pymavlink, for those who name modes
-        canonical_mode,
-        known_modes,
-    )
-
-    found = {name: canonical_mode(name) for name in names}
-    for name, mode in found.items():
-        if mode is None:
-            near = _nearest(name.upper(), sorted(known_modes()))
-            raise ValueError(f"{path}: {written(name)} is no flight mode of ArduPilot or PX4{near}")
-        if path == ENABLE_MODES and mode in AUTOMATIC_MODES:
-            raise ValueError(
-                f"{path}: {mode} is a mode that the autopilot enters by itself, so it enables nothing; "
-                "name one that the pilot chooses"
-            )
-    return tuple(mode for mode in found.values() if mode is not None)
 
 
 def _unknown(path: str, known: dict[str, Entry]) -> str:
@@ -269,11 +281,11 @@ def _nearest(word: str, names: typing.Iterable[str]) -> str:
 
 
 def _build(section: type, prefix: str, values: dict[str, Any]) -> Any:
-    hints = hints_of(section)
+    hints = _hints(section)
     chosen = {}
     for field in dataclasses.fields(section):
         path = prefix + field.name
-        kind = bare(hints[field.name])
+        kind = _bare(hints[field.name])
         if dataclasses.is_dataclass(kind):
             chosen[field.name] = _build(typing.cast(type, kind), path + ".", values)
         elif path in values:

@@ -2,12 +2,11 @@
 
 import logging
 import math
-import multiprocessing
 import os
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from companion.simulation.ground import unsafe
 from companion.simulation.lockstep import LockstepOptions, fly
 from companion.simulation.random_scenario import random_scenario
 from companion.simulation.scenario import Scenario, to_toml
+from drivers.system.workers import worker_pool
 
 TRUTH_EVERY = 5
 OPPORTUNITY_S = 2.5
@@ -281,8 +281,7 @@ def _all(seeds: range, jobs: int, config: Path | None, overrides: tuple[str, ...
         return
     for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         os.environ.setdefault(variable, "1")
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_quiet) as pool:
+    with worker_pool(jobs, _quiet) as pool:
         waiting: set[Future[Run]] = set()
         flown: dict[Future[Run], int] = {}
         left = iter(seeds)

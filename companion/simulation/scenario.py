@@ -1,6 +1,5 @@
 """What a simulated flight is made of: the TOML file that users write, typed and bounded like the settings."""
 
-import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from importlib import resources
@@ -10,7 +9,8 @@ from typing import Annotated, Any, Literal
 from companion.errors import SettingsError
 from companion.settings.marks import Meaning
 from companion.settings.settings import Settings
-from companion.settings.settings_file import load, read_section, written
+from companion.settings.settings_file import load, read_section
+from companion.settings.toml_text import parse_toml, written
 from drivers.errors import DriverError
 from drivers.simulated.world.world import World, build_world
 from landing.options import Limits
@@ -235,10 +235,7 @@ def read_scenario(name: str) -> Scenario:
 
 def parse_scenario(name: str, text: str, where: str) -> Scenario:
     """A scenario from its TOML text; ``where`` begins the lines of errors."""
-    try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise SettingsError(f"{where}: is not TOML: {error}") from None
+    table = parse_toml(text, where)
     faults: list[str] = []
     parts: dict[str, Any] = {}
 

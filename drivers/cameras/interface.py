@@ -37,6 +37,8 @@ class ReaderLimits:
     longest_retry_s: float = 1.0
     max_hanging_reads: int = 4
     """Abandoned reads that may hang in a driver at once before no new one is started."""
+    stuck_after_s: float = 20.0
+    """How long all of them must hang until the camera counts as stuck."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +57,10 @@ class CameraStatus:
     refused: dict[str, int] = field(default_factory=dict)
     reopened: int = 0
     hanging_reads: int = 0
+    stuck: bool = False
+    """Whether all reads hang, for so long that only a new process can open the camera."""
+    remedy: str = ""
+    """What to do about the problem, where it is known."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,6 +4,8 @@ import importlib
 import time
 from typing import Any
 
+import numpy
+
 from drivers.cameras.grey import grey_of
 from drivers.cameras.interface import CameraFormat, Grab
 from drivers.errors import DriverError
@@ -11,6 +13,8 @@ from drivers.system.host_clock import from_monotonic_us
 
 DEFAULT_SIZE = (640, 480)
 DEFAULT_RATE_HZ = 30.0
+ABI_WORDS = ("numpy.dtype size changed", "_ARRAY_API", "multiarray", "compiled using NumPy", "numpy.core")
+"""What an extension says that was compiled for another numpy."""
 
 
 class PicameraGrabber:
@@ -24,13 +28,7 @@ class PicameraGrabber:
 
     def open(self) -> None:
         """Start the sensor; raises DriverError when picamera2 or the sensor is missing."""
-        try:
-            picamera2 = importlib.import_module("picamera2")
-        except ImportError as error:
-            raise DriverError(
-                "picamera2 is not installed: 'apt install python3-picamera2', and make the virtual environment with "
-                "--system-site-packages"
-            ) from error
+        picamera2 = _imported()
         try:
             self._camera = picamera2.Picamera2(self._number)
             self._start(self._camera)
@@ -76,3 +74,42 @@ class PicameraGrabber:
             )
         )
         camera.start()
+
+
+def _imported() -> Any:
+    """picamera2, or a DriverError that says which package is in the way and what to do."""
+    try:
+        return importlib.import_module("picamera2")
+    except Exception as error:  # foreign packages fail to import in any way they like
+        text, remedy = _import_trouble(error)
+        raise DriverError(f"{text}: {remedy}", remedy) from error
+
+
+def _import_trouble(error: Exception) -> tuple[str, str]:
+    """What is wrong with an import of picamera2, and what to do."""
+    missing = error.name or "" if isinstance(error, ModuleNotFoundError) else ""
+    said = " ".join(str(error).split())[:200]
+    if missing == "picamera2":
+        remedy = (
+            "'apt install python3-picamera2', and make the virtual environment with --system-site-packages"
+        )
+        return "picamera2 is not installed", remedy
+    if missing:
+        return (
+            f"picamera2 needs the package '{missing}'",
+            f"'apt install python3-{missing.partition('.')[0]}'",
+        )
+    if any(word in said for word in ABI_WORDS):
+        remedy = (
+            'take the frames from the system\'s own program: camera.source = "rtsp://..." or "tcp://127.0.0.1:8888" '
+            "of 'rpicam-vid --listen', or use a system whose python3-numpy has this major version"
+        )
+        version = numpy.__version__
+        return (
+            f"the system's picamera2 was built for another numpy than the {version} of this environment",
+            remedy,
+        )
+    return (
+        f"picamera2 cannot be imported ({type(error).__name__}: {said})",
+        "'apt install --reinstall python3-picamera2'",
+    )

@@ -50,6 +50,8 @@ class ReaderCamera(Camera):
         self._grabbed = self._delivered = self._skipped = self._reopened = 0
         self._refused: Counter[str] = Counter()
         self._hanging: list[_Worker] = []
+        self._all_hang_since: float | None = None
+        self._remedy = ""
         self._supervisor = threading.Thread(target=self._supervise, name="camera supervisor", daemon=True)
         self._supervisor.start()
 
@@ -65,6 +67,11 @@ class ReaderCamera(Camera):
     def status(self) -> CameraStatus:
         with self._changed:
             self._hanging = [worker for worker in self._hanging if worker.is_alive()]
+            all_hang = len(self._hanging) >= self._limits.max_hanging_reads
+            if not all_hang:
+                self._all_hang_since = None
+            elif self._all_hang_since is None:
+                self._all_hang_since = time.monotonic()
             return CameraStatus(
                 state=self._state,
                 problem=self._problem,
@@ -77,6 +84,8 @@ class ReaderCamera(Camera):
                 refused=dict(self._refused),
                 reopened=self._reopened,
                 hanging_reads=len(self._hanging),
+                stuck=self._is_stuck(),
+                remedy=self._remedy,
             )
 
     def events(self) -> list[DriverEvent]:
@@ -91,6 +100,10 @@ class ReaderCamera(Camera):
         with self._changed:
             self._state = "closed"
             self._changed.notify_all()
+
+    def _is_stuck(self) -> bool:
+        since = self._all_hang_since
+        return since is not None and time.monotonic() - since >= self._limits.stuck_after_s
 
     def _something(self) -> bool:
         return self._newest is not None or bool(self._refusals) or self._state in ("ended", "closed")
@@ -137,6 +150,7 @@ class ReaderCamera(Camera):
                 self._set_state("lost", f"no frame from {self._name} for {limit_s:g} s; it is opened again")
                 return
         if not worker.ended and not self._closing.is_set():
+            self._remedy = worker.remedy
             self._set_state("lost", worker.error or f"the reader of {self._name} ended without a word")
 
     def _deliver(self, worker: "_Worker", grab: Grab) -> None:
@@ -187,7 +201,7 @@ class _Worker(HangingThread):
         self.last_progress = time.monotonic()
         self.grabbed = 0
         self.ended = False
-        self.error = ""
+        self.error = self.remedy = ""
         self.abandoned = threading.Event()
         self.finished = threading.Event()
 
@@ -205,7 +219,7 @@ class _Worker(HangingThread):
                 self.grabbed += 1
                 self._hand_on(self, grab)
         except DriverError as error:
-            self.error = str(error)
+            self.error, self.remedy = str(error), error.remedy
         finally:
             self._grabber.close()
             self.finished.set()

@@ -45,6 +45,7 @@ class FlightWriter:
         self._counters = counters
         self._files: dict[str, BinaryIO] = {}
         self._video: JpegMatroska | None = None
+        self._shape: tuple[int, ...] | None = None
         self._rows = [STAMPS_HEADER]
         self._created = False
         self._changed: set[str] = set()
@@ -54,11 +55,16 @@ class FlightWriter:
         self._put(TELEMETRY, b"")
         self.sync()
 
+    def fits(self, frame: Frame) -> bool:
+        """Whether the frame has the size of the video; a video holds one size alone."""
+        return self._shape in (None, frame.image.shape)
+
     def frame(self, frame: Frame) -> None:
         """Append a frame; its row follows at the next ``sync``."""
         quality = [cv2.IMWRITE_JPEG_QUALITY, self._jpeg_quality]
         jpeg = cv2.imencode(".jpg", frame.image, quality)[1].tobytes()
         if self._video is None:
+            self._shape = frame.image.shape
             height, width = frame.image.shape
             self._video = JpegMatroska(self._file(VIDEO), width, height, self._rate_hz)
         index = self._video.write(jpeg)

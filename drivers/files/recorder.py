@@ -112,7 +112,7 @@ class Recorder:
     def frame(self, frame: Frame) -> None:
         """One camera frame."""
         if self.recording:
-            self._add(frame.image.nbytes, lambda flight: flight.frame(frame))
+            self._add(frame.image.nbytes, lambda flight: self._frame(flight, frame))
 
     def mavlink(self, arrival_us: int, packet: bytes) -> None:
         """One MAVLink packet as it was on the wire, of either direction."""
@@ -160,6 +160,20 @@ class Recorder:
         with self._wake:
             self._work.append((0, work))
             self._wake.notify()
+
+    def _frame(self, flight: FlightWriter, frame: Frame) -> None:
+        if not flight.fits(frame):
+            self._go_on("the camera's pictures have another size")
+        if self._flight is not None:
+            self._flight.frame(frame)
+
+    def _go_on(self, why: str) -> None:
+        """Close the present folder and write on in a new one."""
+        flight, self._flight = self._flight, None
+        if flight is not None:
+            flight.close()
+        self._open()
+        self._report("recording_continued", "info", f"{self._folder}: {why}")
 
     def _write(self, write: Callable[[FlightWriter], None]) -> None:
         if self._flight is not None:
@@ -227,11 +241,7 @@ class Recorder:
             self._end(refusal, "warning")
             self._stand_still("", "", "", refusal)
         elif flight.size > self._options.max_flight_bytes:
-            self._flight = None
-            flight.close()
-            self._open()
-            text = f"{self._folder}: {flight.path.name} is {flight.size // 10**6} MB, record.max_flight_mb"
-            self._report("recording_continued", "info", text)
+            self._go_on(f"{flight.path.name} is {flight.size // 10**6} MB, record.max_flight_mb")
 
     def _stand_still(self, event: str, severity: str, text: str, reason: str) -> None:
         """Why nothing is recorded, reported once for each reason, until a later attempt works."""

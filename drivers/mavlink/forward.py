@@ -3,8 +3,9 @@
 from collections.abc import Callable, Sequence
 
 from drivers.mavlink.endpoint import Endpoint
-from drivers.mavlink.framing import FrameSplitter, WireFrame
+from drivers.mavlink.framing import WireFrame
 from drivers.mavlink.ports import Address
+from drivers.mavlink.sender_splitters import SenderSplitters
 
 
 class Forwarder:
@@ -14,7 +15,7 @@ class Forwarder:
     no frame go no further and are counted in ``garbage_bytes``.
     """
 
-    def __init__(self, connections: Sequence[str], to_vehicle: Callable[[bytes], bool]) -> None:
+    def __init__(self, connections: Sequence[str], to_vehicle: Callable[[WireFrame], bool]) -> None:
         self.garbage_bytes = 0
         self._to_vehicle = to_vehicle
         self._endpoints = [Endpoint(c, self._receiver()) for c in connections]
@@ -35,12 +36,12 @@ class Forwarder:
             endpoint.close()
 
     def _receiver(self) -> Callable[[bytes, Address], None]:
-        splitters: dict[Address, FrameSplitter] = {}
+        splitters = SenderSplitters()
 
         def receive(data: bytes, sender: Address) -> None:
-            for piece in splitters.setdefault(sender, FrameSplitter()).feed(data):
+            for piece in splitters.of(sender).feed(data):
                 if isinstance(piece, WireFrame):
-                    self._to_vehicle(piece.data)
+                    self._to_vehicle(piece)
                 else:
                     self.garbage_bytes += len(piece.data)
 

@@ -2,8 +2,7 @@
 
 import threading
 from collections import Counter, deque
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -12,13 +11,16 @@ from drivers.events import DriverEvent
 from drivers.mavlink import identity
 from drivers.mavlink.endpoint import Endpoint
 from drivers.mavlink.forward import Forwarder
-from drivers.mavlink.framing import FrameSplitter, Garbage, WireFrame
+from drivers.mavlink.framing import Garbage, WireFrame
 from drivers.mavlink.identity import VehicleIdentity
+from drivers.mavlink.link_options import LinkOptions
 from drivers.mavlink.message_rates import MessageRates
 from drivers.mavlink.outgoing import Sealer
 from drivers.mavlink.ports import Address
 from drivers.mavlink.rates_owner import RatesOwner
+from drivers.mavlink.sender_splitters import SenderSplitters
 from drivers.mavlink.signing import Signer, unsigned
+from drivers.mavlink.signing_memory import SigningMemory
 from drivers.mavlink.telemetry import MESSAGE_IDS, TelemetryDecoder
 from drivers.mavlink.timesync import TimeSync
 from drivers.mavlink.unpacking import Unpacker
@@ -32,6 +34,8 @@ SAY_AGAIN_US = 30_000_000
 """The same refusal is told as an event at most this often; every one is counted."""
 HEARTBEAT_ID = 0
 KNOCK_EVERY_US = 1_000_000
+SAVE_EVERY_US = 10_000_000
+"""How often the time of a signed link is kept on disk."""
 DEFAULT_SYSTEM_ID = 1
 """As which system we speak before any vehicle was heard and none is named."""
 IMU_OF = {"ardupilot": ("RAW_IMU",), "px4": ("HIGHRES_IMU",)}
@@ -44,23 +48,6 @@ MAY_BE_MISSING = frozenset({"MANUAL_CONTROL", "RC_CHANNELS", "CURRENT_MODE"})
 
 UNSIGNED = "unsigned"
 """The signer's reason."""
-
-
-@dataclass(frozen=True, slots=True)
-class LinkOptions:
-    """How a link is used. ``rates_hz``: message name -> rate; "IMU" stands for the gyro message of the autopilot.
-
-    Messages of one autopilot alone (``ONLY_OF``) are asked of that one.
-    """
-
-    connection: str
-    system_id: int = 0
-    autopilot_component: int = 1
-    own_component: int = 191
-    rates_hz: Mapping[str, float] = field(default_factory=dict)
-    forward: Sequence[str] = ()
-    signing_key: bytes | None = None
-    timesync_interval_s: float = 0.2
 
 
 class Link:
@@ -88,7 +75,8 @@ class Link:
         self._on_samples = on_samples
         self._on_event = on_event
         self.on_frame = on_frame
-        self._signer = Signer(options.signing_key) if options.signing_key else None
+        memory = SigningMemory(options.signing_memory) if options.signing_memory else None
+        self._signer = Signer(options.signing_key, memory=memory) if options.signing_key else None
         self._sealer = Sealer(options.own_component, self._signer)
         self._identity = VehicleIdentity(
             options.system_id, options.autopilot_component, options.own_component
@@ -97,14 +85,14 @@ class Link:
         self._unpacker = Unpacker()
         self._rates_owner = RatesOwner()
         self._timesync = TimeSync(options.timesync_interval_s)
-        self._splitters: dict[Address, FrameSplitter] = {}
+        self._splitters = SenderSplitters()
         self._autopilot: str | None = None
         self._boot_us: int | None = None
         self._said_us: dict[str, int] = {}
         self._slow: frozenset[str] = frozenset()
         self._stop = threading.Event()
         self._port = Endpoint(options.connection, self._receive, self._port_changed)
-        self._forwarder = Forwarder(options.forward, self._port.write)
+        self._forwarder = Forwarder(options.forward, self._forwarded)
         self._keeper = threading.Thread(target=self._keep, name="link housekeeping", daemon=True)
 
     def start(self) -> None:
@@ -115,6 +103,8 @@ class Link:
 
     def close(self) -> None:
         """Stop the threads and close the ports."""
+        if self._signer is not None:
+            self._signer.save()
         self._stop.set()
         if self._keeper.is_alive():
             self._keeper.join(timeout=3)
@@ -162,7 +152,7 @@ class Link:
     def _receive(self, data: bytes, sender: Address) -> None:
         now_us = host_now_us()
         self.counters["bytes in"] += len(data)
-        splitter = self._splitters.setdefault(sender, FrameSplitter())
+        splitter = self._splitters.of(sender, keep=self._identity.sender)
         samples: list[Sample] = []
         for piece in splitter.feed(data):
             self._forwarder.write(piece.data)
@@ -177,8 +167,6 @@ class Link:
 
     def _frame(self, frame: WireFrame, sender: Address, now_us: int) -> list[Sample]:
         self.counters["frames in"] += 1
-        if self.on_frame is not None:
-            self.on_frame(now_us, frame.data)
         if self._signer is not None:
             reason = self._signer.refusal(frame)
             if reason is not None:
@@ -189,6 +177,8 @@ class Link:
             return []
         if verdict == identity.OTHER:
             self.counters["frames of others"] += 1
+            if frame.system == self._identity.system_id:
+                self._record(frame, now_us)  # another component of the vehicle
             if frame.component != self.options.autopilot_component or frame.message_id not in MESSAGE_IDS:
                 return []
             verdict = identity.FOREIGN_SYSTEM
@@ -211,7 +201,20 @@ class Link:
             self._event("mavlink_refused", "warning", text, now_us, reason=reason)
         return [Refusal(now_us, "mavlink", reason.replace(" ", "_"), who)]
 
+    def _record(self, frame: WireFrame, now_us: int) -> None:
+        """For a recording, after the sender was judged: a flood of foreign frames fills no disk."""
+        if self.on_frame is not None:
+            self.on_frame(now_us, frame.data)
+
+    def _forwarded(self, frame: WireFrame) -> bool:
+        """A frame of another program to the vehicle; nobody speaks there as us."""
+        if frame.system == self.system_id and frame.component == self.options.own_component:
+            self.counters["refused: forwarded in our name"] += 1
+            return False
+        return self._port.write(frame.data)
+
     def _vehicle_frame(self, frame: WireFrame, now_us: int) -> list[Sample]:
+        self._record(frame, now_us)
         message = None
         if frame.message_id in MESSAGE_IDS:
             try:
@@ -274,9 +277,12 @@ class Link:
 
     def _keep(self) -> None:
         """Ask for rates and for the time, regularly."""
-        knocked_us = 0
+        knocked_us = saved_us = 0
         while not self._stop.wait(HOUSEKEEPING_S):
             now_us = host_now_us()
+            if self._signer is not None and now_us - saved_us >= SAVE_EVERY_US:
+                saved_us = now_us
+                self._signer.save()
             if self.system_id is None:
                 if now_us - knocked_us >= KNOCK_EVERY_US:
                     knocked_us = now_us

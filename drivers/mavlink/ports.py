@@ -1,6 +1,7 @@
 """Byte ports by name: a serial line, a UDP port that listens or sends first, a TCP client."""
 
 import errno
+import ipaddress
 import select
 import socket
 import time
@@ -18,6 +19,8 @@ WRITE_TIMEOUT_S = 0.3
 """A peer that takes nothing for this long is given up and connected to anew: it must not hold the pipeline up."""
 PEER_MEMORY_S = 10.0
 """How long a udpin port goes on sending to a peer that fell silent."""
+MOST_PEERS = 32
+"""Senders that a udpin port remembers, the latest."""
 CHUNK = 65536
 _UNREACHABLE = frozenset({errno.ENETUNREACH, errno.EHOSTUNREACH, errno.ENETDOWN, errno.ENOBUFS, errno.EPERM})
 
@@ -68,6 +71,16 @@ def parse_port(text: str) -> PortName:
     raise DriverError(f"connection '{text}' is none of {FORMS}")
 
 
+def is_local(name: PortName) -> bool:
+    """Whether only this machine reaches it: a serial line, or a loopback address."""
+    if name.kind == "serial" or name.host.lower() == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(name.host.strip("[]")).is_loopback
+    except ValueError:
+        return False
+
+
 def open_port(name: PortName) -> Port:
     """Open the port. Raises OSError (serial's errors are OSErrors too) when it cannot be opened now."""
     openers: dict[str, Callable[[PortName], Port]] = {
@@ -104,7 +117,10 @@ class UdpServer:
             data, sender = self._socket.recvfrom(CHUNK)
         except (BlockingIOError, ConnectionError):
             return None
+        self._peers.pop(sender[:2], None)
         self._peers[sender[:2]] = time.monotonic()
+        if len(self._peers) > MOST_PEERS:
+            del self._peers[next(iter(self._peers))]
         return data, sender[:2]
 
     def write(self, data: bytes) -> None:

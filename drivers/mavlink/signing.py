@@ -6,12 +6,17 @@ future would lock out the true sender; here only a frame that proved itself move
 
 import hashlib
 import hmac
+import logging
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 from drivers.errors import DriverError
 from drivers.mavlink.framing import MARKER_V2, SIGNATURE_LENGTH, SIGNED, WireFrame, checksum, crc_extra_of
+from drivers.mavlink.signing_memory import SigningMemory, Stream
+from drivers.secrets import is_key
+
+log = logging.getLogger(__name__)
 
 KEY_LENGTH = 32
 EPOCH_UNIX_S = 1420070400
@@ -21,8 +26,16 @@ MAX_AGE = 60 * 100_000
 _CHECKSUM = 2
 
 
-def read_key(path: Path) -> bytes:
-    """The secret key of a file: 32 bytes, or 64 hexadecimal digits. Raises DriverError when it is neither."""
+def read_key(text: str) -> bytes:
+    """The secret key itself (64 hexadecimal digits), or that of the file which the text names.
+
+    A file holds 32 bytes or 64 hexadecimal digits. Raises DriverError when it is neither.
+    """
+    if is_key(text):
+        log.info("the MAVLink signing key is the one that stands in mavlink.signing_key")
+        return bytes.fromhex(text)
+    path = Path(text)
+    log.info("the MAVLink signing key is read from the file %s", path)
     try:
         data = path.read_bytes()
     except OSError as error:
@@ -47,14 +60,25 @@ def _wall_time() -> int:
 
 
 class Signer:
-    """Signs and checks with one key. ``now`` gives the signing time (10 us since 2015); never goes back."""
+    """Signs and checks with one key. ``now`` gives the signing time (10 us since 2015); never goes back.
 
-    def __init__(self, key: bytes, link_id: int = 0, now: Callable[[], int] = _wall_time) -> None:
+    ``memory`` is where the time survives a restart; ``save`` is to be called now and then, outside of a hot path.
+    """
+
+    def __init__(
+        self,
+        key: bytes,
+        link_id: int = 0,
+        now: Callable[[], int] = _wall_time,
+        memory: SigningMemory | None = None,
+    ) -> None:
         self._key = key
         self._link_id = link_id
         self._now = now
-        self._time = now()
-        self._streams: dict[tuple[int, int, int], int] = {}
+        self._memory = memory
+        kept_time, self._streams = memory.load() if memory is not None else (0, {})
+        self._time = max(now(), kept_time)
+        self._saved = self._time
 
     def sign(self, frame: bytes) -> bytes:
         """The MAVLink 2 frame (unsigned) with flag, checksum and signature; other frames come back as they are."""
@@ -79,12 +103,28 @@ class Signer:
             return "wrong signature"
         stamp = int.from_bytes(data[-12:-6], "little")
         stream = (data[-13], frame.system, frame.component)
-        newest = self._streams.get(stream)
-        if stamp <= newest if newest is not None else stamp + MAX_AGE < self._time:
+        if stamp <= self._floor(stream):
             return "replayed"
         self._streams[stream] = stamp
         self._time = max(self._time, stamp)
         return None
+
+    def save(self) -> None:
+        """Keep the time on disk, when it has moved on."""
+        if self._memory is not None and self._time > self._saved:
+            self._saved = self._time
+            self._memory.save(self._time, dict(self._streams))
+
+    def _floor(self, stream: Stream) -> int:
+        """The time that a frame of a stream must be newer than.
+
+        A sender has one clock for all its links: on a link that was not heard yet, what is older than its newest
+        frame elsewhere was recorded there.
+        """
+        if stream in self._streams:
+            return self._streams[stream]
+        same = [stamp for other, stamp in self._streams.items() if other[1:] == stream[1:]]
+        return max(same, default=self._time - MAX_AGE)
 
     def _signature(self, data: bytes) -> bytes:
         return hashlib.sha256(self._key + data).digest()[:6]

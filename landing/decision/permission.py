@@ -224,6 +224,7 @@ class Gate:
     two_vehicles: bool = False
     calibrated: bool = True
     camera_frozen: bool = False
+    image_size_wrong: bool = False
     command_busy: bool = False
 
 
@@ -253,6 +254,7 @@ def objections(permission: Permission, gate: Gate) -> tuple[Objection, ...]:
     found.append(_if(g.two_vehicles, Withheld.TWO_VEHICLES))
     found.append(_if(not g.calibrated, Withheld.UNCALIBRATED))
     found.append(_if(g.camera_frozen, Withheld.CAMERA_FROZEN))
+    found.append(_if(g.image_size_wrong, Withheld.IMAGE_SIZE))
     found.append(_if(g.command_busy, Withheld.COMMAND_UNDER_WAY))
     return tuple(_present(found))
 

@@ -36,6 +36,7 @@ class Withheld(StrEnum):
     TWO_VEHICLES = "two_vehicles"
     UNCALIBRATED = "uncalibrated"
     CAMERA_FROZEN = "camera_frozen"
+    IMAGE_SIZE = "image_size"
     COMMAND_UNDER_WAY = "command_under_way"
 
 
@@ -82,6 +83,7 @@ WORDS = {
     Withheld.TWO_VEHICLES: "two vehicles on the link, set vehicle.system_id",
     Withheld.UNCALIBRATED: "the camera is not calibrated",
     Withheld.CAMERA_FROZEN: "the picture stands still while the vehicle turns",
+    Withheld.IMAGE_SIZE: "the pictures have another size than the calibration",
     Withheld.COMMAND_UNDER_WAY: "a command is under way",
 }
 """Code -> words; the only place where they are made."""

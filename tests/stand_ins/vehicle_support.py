@@ -5,13 +5,17 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from drivers.events import DriverEvent
 from drivers.mavlink.framing import FrameSplitter, WireFrame, checksum, crc_extra_of
+from drivers.mavlink.link import Link, LinkOptions
+from drivers.samples import Refusal, Sample
 
 COPTER_GUIDED = 4
 COPTER_LAND = 9
@@ -250,3 +254,51 @@ def renumbered(frame: bytes, sequence: int) -> bytes:
     extra = crc_extra_of(int.from_bytes(body[7:10], "little"))
     assert extra is not None
     return bytes(body) + checksum(bytes(body), len(body), extra).to_bytes(2, "little")
+
+
+PATIENCE_S = 10.0
+
+
+def wait_for(condition: Callable[[], object], what: str) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < deadline, f"no {what} within {PATIENCE_S} s"
+        time.sleep(0.01)
+
+
+class LinkBench:
+    """A link that listens on a free port, and what it said."""
+
+    def __init__(self, **options: object) -> None:
+        self.port = free_udp_port()
+        self.samples: list[Sample] = []
+        self.events: list[DriverEvent] = []
+        options = {"connection": f"udpin:127.0.0.1:{self.port}", "system_id": 1} | options
+        self.link = Link(LinkOptions(**options), self.samples.extend, self.events.append)
+        self.link.start()
+
+    def refusals(self, reason: str) -> list[Refusal]:
+        return [s for s in self.samples if isinstance(s, Refusal) and s.reason == reason]
+
+    def of(self, kind: type) -> list[Sample]:
+        return [s for s in self.samples if isinstance(s, kind)]
+
+    def event_names(self) -> list[str]:
+        return [e.event for e in self.events]
+
+
+@pytest.fixture
+def link_bench() -> Iterator[Callable[..., LinkBench]]:
+    benches: list[LinkBench] = []
+
+    def make(**options: object) -> LinkBench:
+        benches.append(LinkBench(**options))
+        return benches[-1]
+
+    yield make
+    for b in benches:
+        b.link.close()
+
+
+def attitude(boot_ms: int, roll: float = 0.0) -> object:
+    return dialect.MAVLink_attitude_message(boot_ms, roll, 0, 0, 0, 0, 0)

@@ -15,7 +15,8 @@ from companion.replay.report.data import PLOTS, report_data, verdict_spans
 from companion.replay.report.recorder import ReportRecorder
 from companion.replay.summary import fit_line, landing_lines, share_line, stretches
 from companion.settings.settings import Settings
-from companion.settings.settings_file import entries, value_of, written
+from companion.settings.settings_file import entries, value_of
+from companion.settings.toml_text import written
 
 HERE = Path(__file__).parent
 PACKAGES = ("landslope", "numpy", "opencv-python-headless", "pymavlink", "mavsdk")

@@ -244,7 +244,11 @@ def test_a_signing_key_that_everybody_reads(tmp_path):
     seen = by_subject(settings_findings(loaded(f"mavlink.signing_key={key}")))
     assert seen["signing key"].remedy.startswith("chmod 640")
     key.chmod(0o640)
-    assert "signing key" not in by_subject(settings_findings(loaded(f"mavlink.signing_key={key}")))
+    seen = by_subject(settings_findings(loaded(f"mavlink.signing_key={key}")))["signing key"]
+    assert (seen.level, seen.remedy) == ("ok", "")
+    assert f"from the file {key}" in seen.text
+    seen = by_subject(settings_findings(loaded(f"mavlink.signing_key={bytes(32).hex()}")))["signing key"]
+    assert "mavlink.signing_key itself" in seen.text
 
 
 def test_exit_codes():

@@ -162,6 +162,9 @@ def test_another_prefix_stands_in_the_unit(tmp_path):
 
 @pytest.mark.skipif(shutil.which("systemctl") is None, reason="systemctl is not installed")
 def test_an_image_starts_the_service_at_boot(tmp_path):
+    for name in ("pyvenv.cfg", "bin/landslope"):  # the environment that an image brings
+        (tmp_path / "opt/landslope" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "opt/landslope" / name).write_text("")
     assert main(["install", "--root", str(tmp_path)]) == 0
     link = tmp_path / "etc/systemd/system/multi-user.target.wants/landslope.service"
     assert link.is_symlink()
@@ -169,7 +172,38 @@ def test_an_image_starts_the_service_at_boot(tmp_path):
     assert not link.is_symlink()
 
 
+def test_an_image_without_an_environment_enables_nothing_that_cannot_start(tmp_path, capsys):
+    assert main(["install", "--root", str(tmp_path)]) == 0
+    assert not (tmp_path / "etc/systemd/system/multi-user.target.wants").exists()
+    assert "not enabled: no environment" in capsys.readouterr().out
+
+
+def test_purge_without_uninstall_does_nothing_and_says_so(tmp_path, capsys):
+    assert main(["install", "--purge", "--root", str(tmp_path)]) == 2
+    assert "--uninstall" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_in_a_chroot_units_are_enabled_and_nothing_is_asked_of_a_systemd_that_does_not_run(monkeypatch):
+    monkeypatch.setattr(install, "systemd_runs", lambda: False)
+    said = [step.text for step in install_steps(InstallOptions(package="landslope.whl"))]
+    assert "run systemctl enable landslope.service" in said
+    assert "run systemd-sysusers /etc/sysusers.d/landslope.conf" in said
+    assert not any("daemon-reload" in text or "udevadm" in text or "try-restart" in text for text in said)
+    said = [step.text for step in uninstall_steps(InstallOptions(), purge=True)]
+    assert "run systemctl disable landslope.service" in said
+    assert not any("daemon-reload" in text for text in said)
+
+
+def test_the_next_step_is_a_command_that_is_found(tmp_path, capsys):
+    assert main(["install", "--root", str(tmp_path), "--prefix", "/srv/landslope"]) == 0
+    said = capsys.readouterr().out
+    assert "/srv/landslope/bin/landslope doctor" in said
+    assert "usermod -aG landslope" in said
+
+
 def test_a_dry_run_says_everything_and_does_nothing(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(install, "systemd_runs", lambda: True)
     monkeypatch.setattr(subprocess, "run", lambda *args, **kwargs: pytest.fail("a command was run"))
     assert main(["install", "--dry-run", "--prefix", str(tmp_path / "opt")]) == 0
     said = capsys.readouterr().out
@@ -188,6 +222,7 @@ def test_a_dry_run_says_everything_and_does_nothing(tmp_path, capsys, monkeypatc
 
 
 def test_a_live_installation_runs_the_commands_in_order(tmp_path, monkeypatch):
+    monkeypatch.setattr(install, "systemd_runs", lambda: True)
     ran = []
     monkeypatch.setattr(
         subprocess,

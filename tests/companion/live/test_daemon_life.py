@@ -204,3 +204,12 @@ def test_recorded_flight_can_be_replayed(tmp_path) -> None:
     text = replay(ReplayJob("flight", folder))
     assert "estimates" in text
     assert live > 20
+
+
+def test_a_camera_that_is_stuck_ends_the_daemon_with_a_reason_to_start_it_anew(tmp_path, monkeypatch) -> None:
+    with DaemonBench(tmp_path, (0.0, 3.0), settings=("landing.enabled=false",)) as bench:
+        status = bench.daemon._camera.status
+        monkeypatch.setattr(bench.daemon._camera, "status", lambda: replace(status(), stuck=True))
+        bench.join(10)
+        assert "camera" in bench.daemon.failed
+        assert bench.events("camera_stuck")

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from monitor_support import decision
+from places import REPOSITORY
 
 from companion.core.health import Clocks, HealthMonitor
 from companion.core.judge import Judge, LandRequest
@@ -201,6 +202,30 @@ def test_a_second_vehicle_on_the_live_link_is_a_condition():
     health = last(out, Health)
     assert "two_vehicles" in [c.code for c in health.conditions]
     assert health.state == "failed"
+
+
+def test_pictures_of_another_size_than_the_calibrations_are_a_condition_until_they_fit():
+    calibration = REPOSITORY / "sitl_logs" / "stairs_a" / "camera.yaml"
+    pipeline, out = live(Settings(camera=CameraSettings(calibration=str(calibration))))
+    for k in range(60):
+        us = S + k * S // 10
+        width, height = (80, 60) if k < 30 else (pipeline._camera.width, pipeline._camera.height)
+        pipeline.feed([Frame(k, us, us, np.full((height, width), k, np.uint8))])
+        pipeline.tick(us)
+    wrong = ["image_size" in [c.code for c in h.conditions] for h in out if isinstance(h, Health)]
+    assert wrong[1]
+    assert not wrong[-1]
+
+
+def test_an_uncalibrated_camera_that_changes_its_size_is_followed():
+    pipeline, out = live(Settings(camera=CameraSettings(width=64, height=48)))
+    for k in range(40):
+        us = S + k * S // 10
+        size = (48, 64) if k < 5 else (60, 80)
+        pipeline.feed([Frame(k, us, us, np.full(size, k, np.uint8))])
+        pipeline.tick(us)
+    assert "image_size" not in [c.code for c in last(out, Health).conditions]
+    assert (pipeline._camera.width, pipeline._camera.height) == (80, 60)
 
 
 def test_the_recording_that_stopped_is_a_condition(tmp_path):

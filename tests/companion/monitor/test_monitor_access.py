@@ -1,5 +1,6 @@
 """Who gets to see the page, over real sockets, and what the command refuses before it serves."""
 
+import asyncio
 import http.client
 import socket
 import urllib.parse
@@ -14,6 +15,7 @@ from websockets.sync.client import connect
 from companion.cli import main
 from companion.commands.monitor import token_for
 from companion.fleet.fleet import free_endpoint
+from companion.monitor.access import Gate
 
 TOKEN = "correct horse battery"
 SOCKET_PATH = "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"
@@ -146,3 +148,27 @@ def test_a_missing_extra_is_named(
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert main(["monitor", "--connect", free_endpoint(), *words]) == 2
     assert f"pip install 'landslope[{extra}]'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "host", ["[::1", "[]", "a]b", "127.0.0.1:http", "[fe80::1%eth0]:x:y", "\xff\xfe", ""]
+)
+@pytest.mark.parametrize("token", [None, "secret"])
+def test_a_broken_host_header_is_a_bad_request_and_no_fault_of_ours(host: str, token: str | None) -> None:
+    sent: list[dict] = []
+
+    async def app(scope, receive, send) -> None:
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+
+    async def send(message) -> None:
+        sent.append(message)
+
+    async def receive() -> dict:
+        return {"type": "http.request", "body": b""}
+
+    for kind in ("http", "websocket"):
+        headers = [(b"host", host.encode("latin-1")), (b"origin", f"http://{host}".encode("latin-1"))]
+        scope = {"type": kind, "path": "/", "method": "GET", "headers": headers}
+        asyncio.run(Gate(app, token)(scope, receive, send))
+    assert sent[0].get("status") in (400, 401, 403)
+    assert sent[-1]["type"] == "websocket.close"

@@ -16,7 +16,8 @@ from places import REPOSITORY
 from companion import cli
 from companion.errors import SettingsError
 from companion.settings.settings import Settings
-from companion.settings.settings_file import Entry, entries, load, value_of, written
+from companion.settings.settings_file import Entry, entries, load, value_of
+from companion.settings.toml_text import written
 from drivers.files.camera_info import CameraInfo, write_camera_info
 
 ENTRIES = list(entries())

@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 from camera_support import textured
 
+from companion.doctor.camera import CameraExamination
+from companion.doctor.findings import DoctorOptions
+from companion.settings.settings import CameraSettings, Settings
 from drivers.cameras import CameraFormat
 from drivers.cameras.picamera import PicameraGrabber
 from drivers.cameras.v4l2 import V4l2Grabber
@@ -156,3 +159,50 @@ def test_picamera_that_is_not_there(picamera2):
 def test_picamera_without_the_library_says_what_to_install():
     with pytest.raises(DriverError, match="python3-picamera2"):
         PicameraGrabber(0, CameraFormat()).open()
+
+
+STAND_INS = {
+    "numpy.dtype size changed": (
+        'raise ValueError("numpy.dtype size changed, may indicate binary incompatibility. Expected 96 from C '
+        'header, got 88 from PyObject")',
+        "another numpy",
+    ),
+    "numpy 2": ('raise AttributeError("_ARRAY_API not found")', "another numpy"),
+    "multiarray": ('raise ImportError("numpy.core.multiarray failed to import")', "another numpy"),
+    "libcamera": ("import libcamera", "python3-libcamera"),
+    "kms": ("import pykms.card", "python3-pykms"),
+    "odd": ("raise SystemError('initialization failed')", "reinstall python3-picamera2"),
+}
+"""How the real package fails to import, as its own modules would, and what the message must name."""
+
+
+@pytest.mark.parametrize("fault", STAND_INS)
+def test_picamera2_that_cannot_be_imported_says_why_in_one_sentence(tmp_path, monkeypatch, fault):
+    statement, named = STAND_INS[fault]
+    package = tmp_path / "picamera2"
+    package.mkdir()
+    (package / "__init__.py").write_text("from .picamera2 import Picamera2\n")
+    (package / "picamera2.py").write_text(f"{statement}\n\nclass Picamera2: pass\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(DriverError, match=named) as refusal:
+        PicameraGrabber(0, CameraFormat()).open()
+    assert "\n" not in str(refusal.value)
+    assert "cable" not in str(refusal.value)
+    assert refusal.value.remedy
+
+
+def test_doctor_names_the_package_and_not_the_cable(tmp_path, monkeypatch):
+    package = tmp_path / "picamera2"
+    package.mkdir()
+    (package / "__init__.py").write_text(STAND_INS["numpy.dtype size changed"][0] + "\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    settings = Settings(camera=CameraSettings(source="picamera"))
+    examination = CameraExamination(settings, DoctorOptions())
+    until = time.monotonic() + 10
+    while not examination._camera.status().problem and time.monotonic() < until:
+        examination.look(0.05)
+    (finding,) = examination.findings()
+    examination.close()
+    assert finding.level == "failure"
+    assert "numpy" in finding.text
+    assert "cable" not in finding.remedy

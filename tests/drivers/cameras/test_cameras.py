@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.cameras import Camera, Grab, ReaderLimits, open_camera
-from drivers.cameras.checks import FrameCheck
+from drivers.cameras.checks import SIZE_WITNESSES, FrameCheck
 from drivers.cameras.grey import grey_of
 from drivers.cameras.reader import ReaderCamera
 from drivers.cameras.stamping import MinimumDelayStamper
@@ -245,6 +245,48 @@ def test_check_takes_up_again_after_refusals():
     assert check.check(good[0]) is good[0]
     assert isinstance(check.check(Frame(9, 0, 0, textured(5))), Refusal)
     assert check.check(good[1]) is good[1]
+
+
+def test_a_size_that_a_wrong_first_connection_had_is_given_up_when_another_one_stays():
+    check = FrameCheck()
+    shapes = [(80, 60)] + [(160, 120)] * (SIZE_WITNESSES + 5)
+    frames = [Frame(k, 1000 * k, 1000 * k, textured(k, *shape)) for k, shape in enumerate(shapes)]
+    results = [check.check(frame) for frame in frames]
+    assert [isinstance(r, Refusal) for r in results] == [False] + [True] * SIZE_WITNESSES + [False] * 5
+    stray = check.check(Frame(900, 900_000, 900_000, textured(900, 80, 60)))
+    assert isinstance(stray, Refusal), "a single one is still refused"
+    assert not isinstance(check.check(Frame(901, 901_000, 901_000, textured(901))), Refusal)
+
+
+def test_frames_of_two_cameras_in_turn_change_nothing():
+    check = FrameCheck()
+    for k in range(100):
+        size = (160, 120) if k % 2 == 0 else (80, 60)
+        result = check.check(Frame(k, 1000 * k, 1000 * k, textured(k, *size)))
+        assert isinstance(result, Refusal) == (k % 2 == 1)
+
+
+def test_a_camera_whose_reads_all_hang_is_stuck_until_one_returns():
+    hang = threading.Event()
+    limits = ReaderLimits(
+        open_timeout_s=0.1,
+        read_timeout_s=0.1,
+        first_retry_s=0.01,
+        longest_retry_s=0.01,
+        max_hanging_reads=2,
+        stuck_after_s=0.3,
+    )
+    camera = ReaderCamera("test", lambda: ScriptedGrabber(iter([hang])), limits)
+    until = time.monotonic() + PATIENCE_S
+    while not camera.status().stuck and time.monotonic() < until:
+        time.sleep(0.02)
+    assert camera.status().stuck
+    assert camera.status().hanging_reads == 2
+    hang.set()
+    while camera.status().stuck and time.monotonic() < until:
+        time.sleep(0.02)
+    assert not camera.status().stuck
+    camera.close()
 
 
 def test_the_command_ends_well_while_a_read_hangs():

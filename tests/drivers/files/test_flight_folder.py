@@ -20,6 +20,7 @@ from drivers.files.flight_folder import FlightFolder
 from drivers.files.video_file import VideoFile
 from drivers.samples import Attitude, Frame, Refusal
 from landing.estimate import SurfaceEstimate
+from landing.pipeline import SurfacePipeline
 from landing.plane.time_offset import TimeOffsetFilter
 
 EDITS = folder_edits.EDITS
@@ -28,8 +29,9 @@ EDITS = folder_edits.EDITS
 class NoPipeline:
     """Stands in for the mathematics where only the way to it is of interest."""
 
-    def __init__(self, *_):
+    def __init__(self, camera, options):
         self.time_offset = TimeOffsetFilter(0.0, 0.0, 0.0)
+        self.ground = SurfacePipeline(camera, options).ground
 
     def step(self, observation):
         known = observation.ned_from_body is not None

@@ -265,3 +265,15 @@ def test_a_directory_that_cannot_be_made_is_an_event(tmp_path):
     recorder.start()
     assert "flights" in await_event(recorder, "recording_failed")
     recorder.close()
+
+
+def test_pictures_of_another_size_begin_a_new_folder(tmp_path):
+    recorder = Recorder(options(tmp_path), PAPERS)
+    recorder.start()
+    for k in range(20):
+        recorder.frame(Frame(k, k, k, textured(k, *((160, 120) if k < 10 else (80, 60)))))
+    recorder.close()
+    folders = list(tmp_path.iterdir())
+    shapes = [{s.image.shape for s in FlightFolder(f).samples() if isinstance(s, Frame)} for f in folders]
+    assert sorted(shapes, key=str) == [{(120, 160)}, {(60, 80)}]
+    assert recorder.counters["frames"] == 20

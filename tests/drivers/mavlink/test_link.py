@@ -3,11 +3,10 @@
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
-from vehicle_support import TestVehicle, free_udp_port
+from vehicle_support import PATIENCE_S, TestVehicle, attitude, free_udp_port, link_bench, wait_for
 
 from drivers.errors import DriverError
 from drivers.events import DriverEvent
@@ -16,52 +15,7 @@ from drivers.mavlink.link import Link, LinkOptions
 from drivers.mavlink.signing import Signer, read_key
 from drivers.samples import Attitude, ClockOffset, Heartbeat, Refusal, Sample
 
-PATIENCE_S = 10.0
-
-
-def wait_for(condition: Callable[[], object], what: str) -> None:
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline, f"no {what} within {PATIENCE_S} s"
-        time.sleep(0.01)
-
-
-class Bench:
-    """A link that listens on a free port, and what it said."""
-
-    def __init__(self, **options: object) -> None:
-        self.port = free_udp_port()
-        self.samples: list[Sample] = []
-        self.events: list[DriverEvent] = []
-        options = {"connection": f"udpin:127.0.0.1:{self.port}", "system_id": 1} | options
-        self.link = Link(LinkOptions(**options), self.samples.extend, self.events.append)
-        self.link.start()
-
-    def refusals(self, reason: str) -> list[Refusal]:
-        return [s for s in self.samples if isinstance(s, Refusal) and s.reason == reason]
-
-    def of(self, kind: type) -> list[Sample]:
-        return [s for s in self.samples if isinstance(s, kind)]
-
-    def event_names(self) -> list[str]:
-        return [e.event for e in self.events]
-
-
-@pytest.fixture
-def bench() -> Iterator[Callable[..., Bench]]:
-    benches: list[Bench] = []
-
-    def make(**options: object) -> Bench:
-        benches.append(Bench(**options))
-        return benches[-1]
-
-    yield make
-    for b in benches:
-        b.link.close()
-
-
-def attitude(boot_ms: int, roll: float = 0.0) -> object:
-    return dialect.MAVLink_attitude_message(boot_ms, roll, 0, 0, 0, 0, 0)
+bench = link_bench
 
 
 def test_garbage_is_counted_and_costs_no_message(bench) -> None:
@@ -272,7 +226,7 @@ def test_key_file_of_another_length_is_refused(tmp_path, text) -> None:
     path = tmp_path / "key"
     path.write_text(text)
     with pytest.raises(DriverError, match="64 hexadecimal digits"):
-        read_key(path)
+        read_key(str(path))
 
 
 def test_forward_endpoints_get_every_byte_both_ways(bench) -> None:
