@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.clocks.clock import Arrival, AutopilotClock, ClockChange
+from companion.clocks.copies import Copies
+from companion.clocks.frame_time import Correction, FrameTimeline
+from companion.clocks.link_watch import LinkWatch
 from companion.core.attitude import AttitudeBuffer, BodyAttitude
-from companion.core.clock import Arrival, AutopilotClock, ClockChange
-from companion.core.copies import Copies
-from companion.core.frame_time import Correction, FrameTimeline
-from companion.core.link_watch import LinkWatch
 from companion.core.velocity import VelocityBuffer
 from companion.settings.settings import Settings
 from drivers.samples import Attitude, ClockOffset, Frame, Imu, Sample, Velocity

@@ -5,7 +5,7 @@ from collections import Counter
 
 import numpy as np
 
-from companion.core.clock import AutopilotClock
+from companion.clocks.clock import AutopilotClock
 from companion.doctor.findings import DoctorOptions, Finding, Level
 from companion.settings.link_options import link_options
 from companion.settings.settings import Settings

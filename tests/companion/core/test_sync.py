@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from companion.clocks.frame_time import FrameTime, FrameTimeline
 from companion.core.attitude import BodyAttitude
-from companion.core.frame_time import FrameTime, FrameTimeline
 from companion.core.sync import Synchroniser
 from companion.settings.settings import CameraSettings, Settings, SyncSettings
 from drivers.samples import Attitude, Frame, Heartbeat, Imu, Velocity

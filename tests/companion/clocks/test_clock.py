@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.core.clock import WRAP_US, AutopilotClock, ClockChange
+from companion.clocks.clock import WRAP_US, AutopilotClock, ClockChange
 from companion.settings.settings import SyncSettings
 
 OFFSET_US = 1_795_000_000_000_000

@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.core.clock import AutopilotClock, ClockChange
-from companion.core.copies import Copies
-from companion.core.envelope import Envelope
-from companion.core.link_watch import LinkWatch
-from companion.core.round_trips import RoundTrips
+from companion.clocks.clock import AutopilotClock, ClockChange
+from companion.clocks.copies import Copies
+from companion.clocks.envelope import Envelope
+from companion.clocks.link_watch import LinkWatch
+from companion.clocks.round_trips import RoundTrips
 from companion.settings.settings import SyncSettings
 from drivers.samples import Attitude
 

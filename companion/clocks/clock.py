@@ -13,8 +13,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
-from companion.core.envelope import Envelope
-from companion.core.round_trips import RoundTrips
+from companion.clocks.envelope import Envelope
+from companion.clocks.round_trips import RoundTrips
 from companion.settings.settings import SyncSettings
 
 WRAP_US = 2**32 * 1000

@@ -7,7 +7,7 @@ row that agree among themselves are right, and the arrivals were late, or anothe
 from collections import deque
 from dataclasses import dataclass
 
-from companion.core.envelope import Envelope
+from companion.clocks.envelope import Envelope
 from companion.settings.settings import SyncSettings
 
 OUTLIERS_AGREE = 3
