@@ -1,1 +1,1 @@
-"""The relation of two clocks: from late arrivals, round trips and the stamps of frames; what was inferred can be undone."""
+"""The relation of two clocks, from late arrivals, round trips and frames' stamps; what was inferred can be undone."""
