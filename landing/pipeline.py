@@ -33,6 +33,8 @@ from landing.vision.rolling_shutter import Motion
 
 Array = NDArray[np.float64]
 
+_LEVEL_WANDERS_S = 5.0
+"""Correlation time of the error of the autopilot's roll and pitch, s: its accelerometer corrects within seconds."""
 _READOUT_STEP_S = 0.0005
 """Change of what is known of the rows' readout at which the tracks are moved."""
 _SLOW = 0.2
@@ -130,13 +132,26 @@ class SurfacePipeline:
         """The pictures' motion against the gyro's and the autopilot's."""
         found, rotation, chi2 = plane.rotation_error, (0.0, 0), math.nan
         if found is not None and self.options.estimator.use_attitude:
-            rotation = rotation_chi2(found.mean, found.covariance, found.prior_std)
+            more_std = self._rotation_doubt(plane.gap)
+            rotation = rotation_chi2(found.mean, found.covariance, found.prior_std, more_std)
         ned_from_camera = self.views.newest.ned_from_camera
         if observation.velocity_ned is not None and ned_from_camera is not None and plane.status == "ok":
             velocity = ned_from_camera.T @ observation.velocity_ned
             chi2 = velocity_chi2(velocity, observation.velocity_std, plane.omega, plane.omega_std)
         late = self.time_offset
         self.contradictions.step(observation.time_s, rotation, chi2, late.late_s, late.std_s)
+
+    def _rotation_doubt(self, gap: int) -> Array:
+        """Error (3,) rad, one sigma, of the rotation over ``gap`` frames by attitudes, lateness and readout."""
+        change, turn_rate = self.views.turn_change(gap), self.views.newest.turn_rate
+        late = np.zeros(3) if change is None else change[0] * self.time_offset.std_s
+        rows = np.zeros(3) if turn_rate is None else turn_rate * self.views.rows.std_s
+        o, interval_s = self.options.estimator, self.views.newest.time_s - self.views.view(gap).time_s
+        # errors of level wander within seconds, and two attitudes far apart have each their own
+        wandered = 1 - math.exp(-interval_s / _LEVEL_WANDERS_S)
+        attitudes = 2 * (o.attitude_error_std_rad**2 + wandered * math.radians(o.attitude_std_deg) ** 2)
+        doubt: Array = np.sqrt(attitudes + np.square(late) + np.square(rows))
+        return doubt
 
     def _prediction(self, observation: Observation) -> tuple[Array, Array] | None:
         """This frame's normalised points from the last's: homographies of the last plane and of what is far away."""

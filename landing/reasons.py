@@ -75,6 +75,8 @@ class Code(StrEnum):
     RELIEF_UNRESOLVED = "relief_unresolved"
     GROUND_UNRESOLVED = "ground_unresolved"
     GROUND_NOT_SEEN = "ground_not_seen"
+    TOUCHDOWN_HAZARD = "touchdown_hazard"
+    TOUCHDOWN_UNKNOWN = "touchdown_unknown"
     DWELL = "dwell"
 
 
@@ -96,6 +98,8 @@ MEANING = {
     Code.RELIEF_UNRESOLVED: "from this height the relief in metres may be above its limit",
     Code.GROUND_UNRESOLVED: "from this height one track averages over too much ground",
     Code.GROUND_NOT_SEEN: "too little of the landing area is measured",
+    Code.TOUCHDOWN_HAZARD: "the ground map has a hazard between straight below and the stopping point",
+    Code.TOUCHDOWN_UNKNOWN: "the ground map does not know all from straight below to the stopping point",
     Code.DWELL: "the surface has not been flat for long enough",
 }
 
@@ -105,7 +109,8 @@ class Reason:
     """One reason: ``value`` is what was found, ``upper`` its upper bound, ``limit`` what is asked for.
 
     Units are those of the code: degrees, shares of the distance, metres, seconds or a number of points. NaN where
-    a code has no such number. ``status`` is the estimate's with NO_ESTIMATE.
+    a code has no such number. ``status`` is the estimate's with NO_ESTIMATE, and the disc's
+    codes with TOUCHDOWN_HAZARD and TOUCHDOWN_UNKNOWN.
     """
 
     code: Code
@@ -146,6 +151,8 @@ _WORDS = {
     Code.GROUND_NOT_SEEN: (
         "the ground to land on is not seen: {value:.2f} of it is measured, at least {limit:.2f}"
     ),
+    Code.TOUCHDOWN_HAZARD: "the ground to come down on is a hazard: {status}",
+    Code.TOUCHDOWN_UNKNOWN: "the ground to come down on is not known: {status}",
     Code.DWELL: "flat for {value:.1f} s only, {limit:.1f} s asked for",
 }
 

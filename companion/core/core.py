@@ -94,6 +94,7 @@ class Core:
             settings,
             self._health,
             LandingArea(camera, settings.decision, settings.tracking),
+            self._pipeline.ground,
             by_pilot=by_pilot,
         )
         self._health_period_us = round(settings.health.period_s * 1e6)
@@ -115,6 +116,7 @@ class Core:
     def set_decision(self, options: DecisionOptions) -> None:
         """Other limits of the decision from now on."""
         self._pipeline.options = replace(self._pipeline.options, decision=options)
+        self._pipeline.ground.limit(options.max_inclination_deg, options.sigmas)
         self._judge.set_decision(options, LandingArea(self._camera, options, self._pipeline.options.tracking))
 
     def set_standing(self, conditions: tuple[Condition, ...]) -> None:

@@ -18,7 +18,7 @@ from drivers.samples import (
     StatusText,
     SystemStatus,
 )
-from landing.decision.decision import Decider, Verdict
+from landing.decision.decision import Decider, GroundBelow, Verdict
 from landing.decision.permission import Phase
 from landing.decision.withheld import Withheld
 from landing.estimate import SurfaceEstimate
@@ -72,11 +72,12 @@ class Judge:
         settings: Settings,
         health: HealthMonitor,
         area: LandingArea | None = None,
+        ground: GroundBelow | None = None,
         *,
         by_pilot: bool = False,
     ) -> None:
         self._health = health
-        self._decider = Decider(settings.decision, area)
+        self._decider = Decider(settings.decision, area, ground)
         self._consent = Consent(settings.landing, health, by_pilot=by_pilot)
         self._command = CommandState(settings.landing.mode_timeout_s)
         self._verdict = Verdict("unknown", (Reason(Code.NOTHING_SEEN),), 0.0, False)
@@ -88,7 +89,7 @@ class Judge:
 
     def set_decision(self, options: DecisionOptions, area: LandingArea | None) -> None:
         """Other limits from now on; the ground has to prove itself anew."""
-        self._decider = Decider(options, area)
+        self._decider = Decider(options, area, self._decider.ground)
 
     def set_enabled(self, enabled: bool, now_us: int) -> None:
         """The user's permission; taking it back and giving it again allows another request."""

@@ -2,14 +2,11 @@
 
 import base64
 import binascii
-import zlib
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-STATES = ("unknown", "landable", "hazard")
-"""The packed state of a cell, a byte: 0, 1 or 2."""
 NO_HEIGHT = -32768
 """Packed heights are little-endian int16 in millimetres; this one is unknown."""
 MOST_CELLS = 250_000
@@ -52,13 +49,11 @@ def drawable(message: dict[str, Any]) -> dict[str, Any] | None:
 
 
 def _unpacked(packed: Any, size: int) -> bytes | None:
-    """The bytes of a packed field: base64, compressed by zlib or not; None unless they are ``size`` bytes."""
+    """The bytes of a packed field (base64); None unless they are ``size`` bytes."""
     if not isinstance(packed, str):
         return None
     try:
         raw = base64.b64decode(packed, validate=True)
-        if len(raw) != size:
-            raw = zlib.decompressobj().decompress(raw, size + 1)
-    except (binascii.Error, ValueError, zlib.error):
+    except (binascii.Error, ValueError):
         return None
     return raw if len(raw) == size else None

@@ -14,9 +14,14 @@ SIDE = 400
 VIEW_M = 8.0
 """Half side of what is shown."""
 DISC_M = 0.5
-UNKNOWN, LANDABLE, HAZARD = 0, 1, 2
-COLOURS = {UNKNOWN: (120, 120, 120), LANDABLE: (70, 150, 40), HAZARD: (50, 30, 190)}
-"""BGR of a cell at the map's mean height; higher ones are lighter."""
+UNKNOWN, MEASURED, LANDABLE, DISPUTED = 0, 1, 2, 3
+COLOURS = {
+    UNKNOWN: (120, 120, 120),
+    MEASURED: (40, 130, 200),
+    LANDABLE: (70, 150, 40),
+    DISPUTED: (50, 30, 190),
+}
+"""BGR of a cell at the map's mean height: measured but not landable, landable, looks that disagree."""
 RELIEF_M = 0.5
 MOST_SPOTS = 20
 

@@ -307,6 +307,7 @@ class Settings:
             "landing_radius_m",
             "min_area_measured",
             "min_coverage",
+            "touchdown_known",
         ),
     ] = field(default_factory=DecisionOptions)
     landing: LandingSettings = field(default_factory=LandingSettings)

@@ -2,9 +2,11 @@
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 from landing.estimate import SurfaceEstimate
 from landing.ground.landing_area import LandingArea
+from landing.ground.spots import HAZARD, LANDABLE, Disc
 from landing.options import DecisionOptions
 from landing.reasons import Certainty, Code, Reason, Status
 
@@ -107,14 +109,40 @@ def against_landing(
     return ()
 
 
+def against_touchdown(below: Disc, touchdown: Disc, all_known: bool) -> tuple[Reason, ...]:
+    """What speaks against coming down on the ground map's discs straight below and on the way to the stopping point.
+
+    The disc below must be landable. ``touchdown``, the worst on the way, must be no hazard; with ``all_known`` it must
+    be landable too. The stopping point may lie ahead of the view: then only a slower flight makes it known.
+    """
+    for disc in (below, touchdown):
+        if disc.verdict == HAZARD:
+            return (Reason(Code.TOUCHDOWN_HAZARD, Certainty.CERTAIN, status=", ".join(disc.reasons)),)
+    for disc in (below, touchdown) if all_known else (below,):
+        if disc.verdict != LANDABLE or disc.reasons:
+            return (Reason(Code.TOUCHDOWN_UNKNOWN, status=", ".join(disc.reasons)),)
+    return ()
+
+
+class GroundBelow(Protocol):
+    """The ground map as the decision asks it."""
+
+    def under_way(self) -> tuple[Disc, Disc]:
+        """The disc straight below, and the worst from there to the stopping point, at the newest frame."""
+        ...
+
+
 class Decider:
     """The verdict over time: flat for a dwell time before it is fit, wider limits while it is.
 
-    Without ``area`` nothing is asked of where in the picture the surface was measured.
+    Without ``area`` nothing is asked of where in the picture the surface was measured, without ``ground`` nothing of
+    the ground map.
     """
 
-    def __init__(self, options: DecisionOptions, area: LandingArea | None = None) -> None:
-        self.options, self.area = options, area
+    def __init__(
+        self, options: DecisionOptions, area: LandingArea | None = None, ground: GroundBelow | None = None
+    ) -> None:
+        self.options, self.area, self.ground = options, area, ground
         self._flat_since: float | None = None
         self._seen_s = -math.inf
         self._verdict = Verdict("unknown", (Reason(Code.NOTHING_SEEN),), math.nan, False)
@@ -124,6 +152,8 @@ class Decider:
         o, now = self.options, estimate.time_s
         fit = self._verdict.verdict == "fit"
         reasons = against_landing(estimate, o, o.hysteresis if fit else 0.0, self.area)
+        if not reasons and self.ground is not None:
+            reasons = against_touchdown(*self.ground.under_way(), o.touchdown_known)
         if not reasons:
             if now - self._seen_s > o.patience_s:
                 # after a silence nothing is known of what came between

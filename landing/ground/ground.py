@@ -1,7 +1,7 @@
 """The ground below, from frame to frame: relief into the map, and at its own rate what of it can be landed on."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,6 +92,10 @@ class Ground:
             return
         self.map.look(relief, ned_from_camera, distance_m)
 
+    def limit(self, max_inclination_deg: float, sigmas: float) -> None:
+        """Other limits of the decision from now on."""
+        self.options = replace(self.options, max_inclination_deg=max_inclination_deg, sigmas=sigmas)
+
     def forget(self) -> None:
         """What was seen does not hold: the pictures are not of what is below."""
         self.map.forget()
@@ -136,14 +140,17 @@ class Ground:
             state,
         )
 
-    def touchdown(self) -> Disc:
-        """The worst disc from straight below to the stopping point, at the newest frame."""
+    def under_way(self) -> tuple[Disc, Disc]:
+        """The disc straight below, and the worst from there to the stopping point, at the newest frame."""
         way = self._way()
-        if way is None:
-            return _NO_STOP
-        cells = [row * CELLS + column for row, column in (self.map.cell_of(*place) for place in way.tolist())]
+        places = self.map.place[None, :2] if way is None else way
+        cells = [
+            row * CELLS + column for row, column in (self.map.cell_of(*place) for place in places.tolist())
+        ]
         inside = np.unique([cell for cell in cells if 0 <= cell < CELLS * CELLS]).astype(np.intp)
-        return self._discs(inside).along(self.map, way)
+        discs = self._discs(inside)
+        below = discs.at(*self.map.cell_of(*places[0].tolist()))
+        return below, _NO_STOP if way is None else discs.along(self.map, way)
 
     def _discs(self, cells: NDArray[np.intp] | None = None) -> Discs:
         return Discs(self.map, self.options, self._tilt_std_deg, self.scale.relative_std, cells)

@@ -60,15 +60,22 @@ class Mean:
             self.fails = mean > (_HOLDS_SHARE * self.limit if self.fails else self.limit)
 
 
-def rotation_chi2(mean: Array, covariance: Array, prior_std: Array) -> tuple[float, int]:
+def rotation_chi2(
+    mean: Array, covariance: Array, prior_std: Array, more_std: Array | float = 0.0
+) -> tuple[float, int]:
     """Chi-square and degrees of freedom of a rotation error (3,) rad found under a prior of zero mean.
 
-    The posterior mean has the covariance prior minus posterior, when prior and tracks are right.
+    The posterior mean has the covariance prior minus posterior, when prior and tracks are right. ``more_std`` (3,):
+    errors that the prior leaves out: of the attitudes, of the frames' lateness and of the rows' readout.
     """
     prior = prior_std**2
     if not (np.all(np.isfinite(mean)) and np.all(np.isfinite(covariance))):
         return 0.0, 0
     variance, axes = np.linalg.eigh(np.diag(prior) - covariance)
+    # the tracks find of a further error the share that they find of the prior's
+    found = variance / float(prior.max())
+    more = axes.T**2 @ np.broadcast_to(np.square(more_std), 3)
+    variance = variance + found**2 * more
     told = variance > _LEAST_SHARE * float(prior.max())
     along = (axes.T @ mean)[told]
     return float(np.sum(along**2 / variance[told])), int(np.count_nonzero(told))

@@ -137,7 +137,8 @@ function drawMap() {
       const k = i * grid.columns + j;
       if (heights[k] === -32768 && state[k] === 0) continue;
       const light = 45 + Math.max(-20, Math.min(20, heights[k] / 40));
-      c.fillStyle = ["hsl(0 0% " + light + "%)", "hsl(140 60% " + light + "%)", "hsl(350 70% " + light + "%)"][state[k]] || "gray";
+      c.fillStyle = ["hsl(0 0% " + light + "%)", "hsl(35 75% " + light + "%)", "hsl(140 60% " + light + "%)",
+        "hsl(350 70% " + light + "%)"][state[k]] || "gray";
       c.fillRect(px(grid.east0_m + j * grid.cell_m), py(grid.north0_m + (i + 1) * grid.cell_m), size, size);
     }
   }

@@ -1,0 +1,85 @@
+"""The verdict asks the ground map: landable straight below, no hazard on the way to the stopping point."""
+
+import math
+from dataclasses import dataclass, replace
+
+import pytest
+
+from landing.decision.decision import Decider, against_touchdown
+from landing.estimate import SurfaceEstimate
+from landing.ground.spots import HAZARD, LANDABLE, UNKNOWN, Disc, GroundCode
+from landing.options import DecisionOptions
+from landing.reasons import Code
+
+GOOD = Disc(LANDABLE, ())
+STEP = Disc(HAZARD, (GroundCode.STEP,))
+UNSEEN = Disc(UNKNOWN, (GroundCode.NOT_SEEN,))
+FLAT = SurfaceEstimate(
+    frame=1,
+    time_s=0.0,
+    status="ok",
+    method="map",
+    inclination_deg=1.0,
+    inclination_std_deg=0.2,
+    roughness=0.001,
+    roughness_std=0.0002,
+    coverage=0.9,
+)
+
+
+@pytest.mark.parametrize(
+    ("below", "touchdown", "all_known", "code"),
+    [
+        (GOOD, GOOD, True, None),
+        (GOOD, GOOD, False, None),
+        (GOOD, UNSEEN, False, None),
+        (GOOD, UNSEEN, True, Code.TOUCHDOWN_UNKNOWN),
+        (UNSEEN, UNSEEN, False, Code.TOUCHDOWN_UNKNOWN),
+        (UNSEEN, GOOD, False, Code.TOUCHDOWN_UNKNOWN),
+        (STEP, GOOD, False, Code.TOUCHDOWN_HAZARD),
+        (GOOD, STEP, False, Code.TOUCHDOWN_HAZARD),
+        (UNSEEN, STEP, False, Code.TOUCHDOWN_HAZARD),
+        (replace(GOOD, reasons=(GroundCode.NO_METRES,)), GOOD, False, Code.TOUCHDOWN_UNKNOWN),
+        (replace(GOOD, verdict="?"), GOOD, False, Code.TOUCHDOWN_UNKNOWN),
+    ],
+)
+def test_what_is_not_landable_below_or_a_hazard_on_the_way_speaks_against(
+    below: Disc, touchdown: Disc, all_known: bool, code: Code | None
+):
+    found = against_touchdown(below, touchdown, all_known)
+    assert [reason.code for reason in found] == ([] if code is None else [code])
+    assert all(reason.ends_verdict for reason in found) is (code is not Code.TOUCHDOWN_UNKNOWN)
+
+
+@dataclass
+class Map:
+    below: Disc = GOOD
+    touchdown: Disc = GOOD
+
+    def under_way(self) -> tuple[Disc, Disc]:
+        return self.below, self.touchdown
+
+
+def verdict_over(ground: Map, seconds: float = 2.0) -> str:
+    decider = Decider(DecisionOptions(), None, ground)
+    steps = math.ceil(seconds * 10)
+    return [decider.step(replace(FLAT, frame=k, time_s=k / 10)) for k in range(steps)][-1].verdict
+
+
+def test_a_flat_view_is_fit_only_where_the_map_agrees():
+    assert verdict_over(Map()) == "fit"
+    assert verdict_over(Map(below=UNSEEN)) == "unknown"
+    assert verdict_over(Map(below=STEP)) == "unfit"
+    assert verdict_over(Map(touchdown=STEP)) == "unfit"
+
+
+def test_a_hazard_ends_a_verdict_at_once_and_the_unknown_after_the_patience():
+    ground = Map()
+    decider = Decider(DecisionOptions(), None, ground)
+    for k in range(20):
+        decider.step(replace(FLAT, frame=k, time_s=k / 10))
+    ground.below = UNSEEN
+    assert decider.step(replace(FLAT, time_s=2.0)).verdict == "fit"
+    assert decider.step(replace(FLAT, time_s=2.5)).verdict == "unknown"
+    ground.below = STEP
+    assert decider.step(replace(FLAT, time_s=2.6)).verdict == "unfit"
