@@ -21,7 +21,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("report")
     flight = short_flight(folder / "short", seconds=3.0)
     page = folder / "short.html"
-    words = ["--enable-after", "1", "--set", "decision.dwell_s=0.5", "--set", "estimator.method=quadratic"]
+    words = ["--enable-after", "1", "--set", "decision.dwell_s=0.1"]
     assert cli.main(["replay", str(flight), "--report", str(page), *words]) == 0
     return page
 
