@@ -12,6 +12,7 @@ class Status(StrEnum):
     """Of an estimate: ``ok``, or why there is none."""
 
     OK = "ok"
+    STARTING = "starting"
     TOO_FEW_TRACKS = "too_few_tracks"
     MOTION_TOO_SMALL = "motion_too_small"
     SLOPE_UNCERTAIN = "slope_uncertain"
@@ -28,6 +29,7 @@ class Status(StrEnum):
 
 STATUS_MEANING = {
     Status.OK: "there is an estimate",
+    Status.STARTING: "there is no earlier frame yet",
     Status.TOO_FEW_TRACKS: "fewer tracks than an estimate needs",
     Status.MOTION_TOO_SMALL: "the camera has not moved enough over the surface to show its slope",
     Status.SLOPE_UNCERTAIN: "the standard deviation of the slope is above its limit",

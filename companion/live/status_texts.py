@@ -43,6 +43,8 @@ SHORT_REASONS = {
     Code.GROUND_NOT_SEEN: "landing area not seen",
     Code.DWELL: "flat, not for long enough",
     Code.UNCALIBRATED: "camera not calibrated",
+    Code.TOUCHDOWN_HAZARD: "hazard where it lands",
+    Code.TOUCHDOWN_UNKNOWN: "ground below not known",
 }
 """Code -> at most 25 characters."""
 
@@ -59,6 +61,10 @@ SHORT_CONDITIONS = {
     ConditionCode.CLOCK_WITHOUT_DATE: "date not known",
     ConditionCode.RADIO_LOST: "switch on the radio not heard",
     ConditionCode.RATE_TOO_LOW: "too rare: {subject}",
+    ConditionCode.IMAGE_SIZE: "picture of another size",
+    ConditionCode.ROTATION_CONTRADICTS: "picture and gyro disagree",
+    ConditionCode.VELOCITY_CONTRADICTS: "ground, velocity disagree",
+    ConditionCode.LATENESS_CONTRADICTS: "pictures too late",
     ConditionCode.UNSIGNED: "unsigned messages refused",
 }
 """Code -> few words without running numbers."""

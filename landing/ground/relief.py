@@ -153,10 +153,16 @@ class DenseRelief:
         ``old_from_new`` (3, 3) the rotation.
         """
         height, width = self._size
-        new = new[:height, :width]
+        new = np.ascontiguousarray(new[:height, :width])
         old_from_this = old_from_new @ towards(t, normal)
         places = self._warp.places(old_from_this)[:height, :width]
-        warped = cv2.remap(old, places, _NO_SECOND_MAP, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+        warped = cv2.remap(
+            np.ascontiguousarray(old),
+            places,
+            _NO_SECOND_MAP,
+            cv2.INTER_CUBIC,
+            borderMode=cv2.BORDER_REPLICATE,
+        )
         forth = self._flow.calc(new, warped, None)
         back = self._flow.calc(warped, new, None)
         # OpenCV 5.0.0 interpolates linearly at wrong places where both coordinates come in one map

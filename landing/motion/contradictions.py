@@ -20,8 +20,9 @@ _FORGET_S = 1.5
 """Time constant of the means, s."""
 
 _ROTATION_FAILS, _VELOCITY_FAILS = 8.0, 4.0
-"""Mean chi-square per degree of freedom above which a comparison fails. The recorded flights stay below; a simulated one
-high up and slow does not always, since its baselines last for seconds."""
+"""Mean chi-square per degree of freedom above which a comparison fails.
+
+The recorded flights stay below; a simulated one high up and slow does not always: its baselines last for seconds."""
 
 _HOLDS_SHARE = 0.375
 """Share of that limit below which it holds again."""

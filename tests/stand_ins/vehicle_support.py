@@ -29,6 +29,9 @@ IN_PROGRESS_ACCEPTED = ((0.0, dialect.MAV_RESULT_IN_PROGRESS), (0.6, dialect.MAV
 IN_PROGRESS_SILENCE = ((0.0, dialect.MAV_RESULT_IN_PROGRESS),)
 SILENCE: tuple[tuple[float, int], ...] = ()
 
+ATTITUDE = b"\x1e\0\0"
+"""Message id 30 in a MAVLink 2 header."""
+
 
 def free_udp_port() -> int:
     """A UDP port of the loopback device that was free a moment ago."""
@@ -111,7 +114,7 @@ class TestVehicle:
         self._ticket = 0
         self._play_from: float | None = None
         self._position = 0
-        self._boot_us_at_start = 0
+        self._boot_us_at_start = self._restarted_us = 0
         self._start = time.monotonic()
         self._stop = threading.Event()
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -193,13 +196,19 @@ class TestVehicle:
             if frame[7:10] == b"\0\0\0":  # the heartbeat carries the mode that the commands made
                 frame = patched(frame, 0, struct.pack("<I", self.mode))
             for out in [frame] if self._edit is None else self._edit(at_us / 1e6, frame):
+                if (
+                    out[7:10] == frame[7:10] == ATTITUDE
+                ):  # an autopilot that restarts counts anew in TIMESYNC too
+                    edited_ms, recorded_ms = (struct.unpack("<I", f[10:14])[0] for f in (out, frame))
+                    self._restarted_us = (edited_ms - recorded_ms) * 1000
                 self.send_frame(out)
         if self._position >= len(self._frames):
             self.played.set()
 
     def boot_us(self) -> int:
         """The vehicle's time since boot: that of the recording."""
-        return self._boot_us_at_start + int((time.monotonic() - (self._play_from or self._start)) * 1e6)
+        since_s = time.monotonic() - (self._play_from or self._start)
+        return self._boot_us_at_start + self._restarted_us + int(since_s * 1e6)
 
     def set_boot_us(self, boot_us: int) -> None:
         """The boot time at the recording's start."""

@@ -46,8 +46,8 @@ def lines(path: Path) -> list[dict]:
 def test_files_of_one_flight(flight: Path, tmp_path: Path, capsys):
     out, events, plot, video = (tmp_path / n for n in ("e.jsonl", "v.jsonl", "p.png", "o.webm"))
     arguments = ["--out", out, "--events", events, "--plot", plot, "--video", video, "--enable-after", "1"]
-    arguments += ["--set", "decision.dwell_s=0.5"]  # the flight is short
-    assert cli.main(["replay", str(flight), *FAST, *map(str, arguments)]) == 0
+    arguments += ["--set", "decision.dwell_s=0.1"]  # the flight is short
+    assert cli.main(["replay", str(flight), *map(str, arguments)]) == 0
     assert [estimate["frame"] for estimate in lines(out)] == list(range(FRAMES))
     told = lines(events)
     assert all({"event", "frame", "time_unix_us"} <= set(line) for line in told)
@@ -68,7 +68,7 @@ def test_files_of_one_flight(flight: Path, tmp_path: Path, capsys):
 
 def test_the_picture_shows_the_verdict_and_the_tracks(flight: Path, tmp_path: Path):
     video = tmp_path / "o.webm"
-    assert cli.main(["replay", str(flight), "--video", str(video)]) == 0
+    assert cli.main(["replay", str(flight), "--video", str(video), "--set", "decision.dwell_s=0.3"]) == 0
     capture = cv2.VideoCapture(str(video))
     seen = [capture.read()[1] for _ in range(FRAMES)]
     unknown, fit = seen[5][30, 850].astype(int), seen[85][30, 850].astype(int)
@@ -119,29 +119,27 @@ def test_a_plain_video_goes_without_telemetry(how: str, flight: Path, tmp_path: 
         "focal": ["--focal-px", "256"],
         "nothing": [],
     }[how]
-    assert cli.main(["replay", str(flight / "camera.mkv"), *FAST, *options, "--out", str(out)]) == 0
+    assert cli.main(["replay", str(flight / "camera.mkv"), *options, "--out", str(out)]) == 0
     estimates = lines(out)
     assert len(estimates) == FRAMES
     good = [estimate for estimate in estimates if estimate["status"] == "ok"]
-    assert good
+    assert good or how == "nothing", "without a calibration the slope may stay too uncertain"
     assert all(e["slope_x_deg"] is not None and e["inclination_deg"] is None for e in good)
     assert {e["calibrated"] for e in estimates} == {how != "nothing"}
     assert not any(e["flat"] for e in estimates)
     printed = capsys.readouterr().out
     assert ("uncalibrated camera" in printed) == (how == "nothing")
-    assert "relative to the camera" in printed
+    assert ("relative to the camera" in printed) == bool(good)
     steps = np.diff([estimate["time_unix_us"] for estimate in estimates])
     assert steps.mean() == pytest.approx(33_333, abs=50)
 
 
 def test_a_folder_of_images_in_the_order_of_their_numbers(images: Path, flight: Path, tmp_path: Path, capsys):
     out, again = tmp_path / "images.jsonl", tmp_path / "video.jsonl"
-    assert cli.main(["replay", str(images), *FAST, "--fov-deg", "64", "--fps", "30", "--out", str(out)]) == 0
+    assert cli.main(["replay", str(images), "--fov-deg", "64", "--fps", "30", "--out", str(out)]) == 0
     estimates = lines(out)
     assert len(estimates) == 30
-    assert (
-        cli.main(["replay", str(flight / "camera.mkv"), *FAST, "--fov-deg", "64", "--out", str(again)]) == 0
-    )
+    assert cli.main(["replay", str(flight / "camera.mkv"), "--fov-deg", "64", "--out", str(again)]) == 0
     slopes, expected = ([e["slope_y_deg"] for e in es[-5:]] for es in (estimates, lines(again)))
     assert np.allclose(np.array(slopes), np.array(expected), atol=3.0)
 

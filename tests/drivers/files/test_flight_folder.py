@@ -31,7 +31,8 @@ class NoPipeline:
 
     def __init__(self, camera, options):
         self.time_offset = TimeOffsetFilter(0.0, 0.0, 0.0)
-        self.ground = SurfacePipeline(camera, options).ground
+        whole = SurfacePipeline(camera, options)
+        self.ground, self.contradictions = whole.ground, whole.contradictions
 
     def step(self, observation):
         known = observation.ned_from_body is not None
