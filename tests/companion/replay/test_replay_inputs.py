@@ -108,8 +108,8 @@ def test_the_recorded_switch_enables_landing(flight: Path, tmp_path: Path, on_fr
     shutil.copytree(flight, folder)
     with_switch(folder, on_from_s)
     events = tmp_path / "events.jsonl"
-    words = ["--set", "decision.dwell_s=0.5", "--set", f"landing.enable_rc_channel={CHANNEL}"]
-    assert cli.main(["replay", str(folder), *FAST, *words, "--enable-from-rc", "--events", str(events)]) == 0
+    words = ["--set", "decision.dwell_s=0.1", "--set", f"landing.enable_rc_channel={CHANNEL}"]
+    assert cli.main(["replay", str(folder), *words, "--enable-from-rc", "--events", str(events)]) == 0
     requested = [
         e for e in map(json.loads, events.read_text().splitlines()) if e["event"] == "landing_requested"
     ]
