@@ -33,6 +33,8 @@ from landing.vision.rolling_shutter import Motion
 
 Array = NDArray[np.float64]
 
+_LENS_SHARE = 0.03
+"""Error of a rotation seen through the lens, as a share of it, one sigma: of focal length and distortion."""
 _LEVEL_WANDERS_S = 5.0
 """Correlation time of the error of the autopilot's roll and pitch, s: its accelerometer corrects within seconds."""
 _READOUT_STEP_S = 0.0005
@@ -150,7 +152,11 @@ class SurfacePipeline:
         # errors of level wander within seconds, and two attitudes far apart have each their own
         wandered = 1 - math.exp(-interval_s / _LEVEL_WANDERS_S)
         attitudes = 2 * (o.attitude_error_std_rad**2 + wandered * math.radians(o.attitude_std_deg) ** 2)
-        doubt: Array = np.sqrt(attitudes + np.square(late) + np.square(rows))
+        rotation = self.views.rotation(gap)
+        turn = (
+            0.0 if rotation is None else math.acos(max(-1.0, min(1.0, (float(np.trace(rotation)) - 1) / 2)))
+        )
+        doubt: Array = np.sqrt(attitudes + np.square(late) + np.square(rows) + (_LENS_SHARE * turn) ** 2)
         return doubt
 
     def _prediction(self, observation: Observation) -> tuple[Array, Array] | None:
