@@ -257,7 +257,7 @@ def test_parameters_and_an_empty_mission(station: Callable[..., Station]) -> Non
     s.send(mavlink.MAVLink_mission_request_list_message(1, 1, 0))
     s.send(mavlink.MAVLink_param_set_message(1, 1, b"LAND_SPEED", 30.0, 9))
     s.run(0.3)
-    assert len({m.param_id for m in s.all("PARAM_VALUE")}) == len(s.autopilot.protocol.parameters)
+    assert len({m.param_id for m in s.all("PARAM_VALUE")}) == len(s.autopilot.controller.parameters.names(px4=False))
     assert s.all("MISSION_COUNT")[0].count == 0
     assert s.autopilot.protocol.parameters["LAND_SPEED"] == 30
 
