@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Literal
 
 from companion.core.command import NAV_LAND
 from companion.core.core import LandRequest
+from drivers.autopilot.outcome import Outcome
 from drivers.errors import DriverError
 from drivers.events import DriverEvent
 from drivers.mavlink.link import Link
-from drivers.autopilot.outcome import Outcome
 from drivers.samples import CommandAnswer, Sample
 from drivers.system.host_clock import now_us
 

@@ -67,6 +67,8 @@ class AutopilotProtocol:
     progress_s: float = 0.5
     """Between IN_PROGRESS and the answer that follows it."""
     commands: list[ReceivedCommand] = field(default_factory=list)
+    setpoints: list[tuple[float, str, Vector]] = field(default_factory=list)
+    """Velocities received: simulated time, flight mode at that moment, velocity (NED)."""
     _answers: dict[int, Answer] = field(default_factory=dict)
 
     def set_answer(self, command: int, answer: Answer) -> None:
@@ -230,6 +232,7 @@ class AutopilotProtocol:
             if all(map(math.isfinite, position)):
                 self.controller.go_to(position, heading)
         elif mask & 0b111000 == 0 and all(map(math.isfinite, velocity)):
+            self.setpoints.append((self.controller.vehicle.time_s, self.controller.mode, velocity))
             self.controller.fly(velocity, heading, turn)
 
     def _turned(self, v: Vector) -> Vector:

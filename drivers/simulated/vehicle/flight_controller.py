@@ -162,6 +162,7 @@ class FlightController:
     def step(self, dt: float) -> AttitudeCommand:
         """The command to the airframe for the next ``dt`` seconds."""
         self.firmware.step(self, dt)
+        self._precision.step(self.vehicle)
         if not self.armed:
             return AttitudeCommand(self.vehicle.attitude, 0.0)
         self._disarm_when_idle(dt)

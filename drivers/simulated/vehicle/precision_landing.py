@@ -164,6 +164,7 @@ class PrecisionLanding:
         self._parameters = parameters
         self._ardupilot = ArduPilotTarget(parameters, texts)
         self._px4 = Px4Target(parameters, texts)
+        self._place: tuple[float, float] | None = None
 
     def take(self, m: Any, px4: bool, v: Multirotor) -> None:
         """A LANDING_TARGET message."""
@@ -171,6 +172,10 @@ class PrecisionLanding:
             self._px4.take(m, v.time_s)
         else:
             self._ardupilot.take(m, v.attitude, v.position, math.hypot(*v.rates), v.time_s)
+
+    def step(self, v: Multirotor) -> None:
+        """Time passes, in whatever mode: ArduCopter takes measurements and loses them again."""
+        self._place = self._ardupilot.step(v.time_s)
 
     def begin(self, v: Multirotor) -> None:
         """A flight mode was entered."""
@@ -182,7 +187,7 @@ class PrecisionLanding:
 
     def land(self, v: Multirotor) -> tuple[tuple[float, float] | None, bool]:
         """ArduCopter's LAND: the place to come down on, if any, and whether to sink now (PLND_XY_DIST_MAX)."""
-        place = self._ardupilot.step(v.time_s)
+        place = self._place
         if place is None:
             return None, True
         far_m = self._parameters["PLND_XY_DIST_MAX"]
