@@ -10,8 +10,9 @@ from typing import TypeVar
 
 import msgspec
 
-from companion.messages.events import event
-from companion.messages.messages import Event, Health, Message
+from companion.messages.events import EVENTS
+from companion.messages.messages import Health, Message
+from drivers.events import DriverEvent
 from drivers.samples import SystemTime
 from drivers.system.host_clock import EARLIEST_UNIX_S
 from drivers.system.wall_clock import WallClock
@@ -43,11 +44,11 @@ class Date:
         """Whether the date is known."""
         return bool(self.source)
 
-    def wall(self, clock: WallClock, now_us: int) -> Event | None:
+    def wall(self, clock: WallClock, now_us: int) -> DriverEvent | None:
         """Look at the wall clock; an event when the date changes by it."""
         return self._take(clock.offset_us, clock.source, now_us) if clock.source else None
 
-    def autopilot(self, sample: SystemTime) -> Event | None:
+    def autopilot(self, sample: SystemTime) -> DriverEvent | None:
         """A time that the autopilot sent; it counts while nothing speaks for the wall clock."""
         if not EARLIEST_UNIX_S * 1_000_000 <= sample.unix_us < LATEST_UNIX_US:
             self._heard.clear()
@@ -71,7 +72,7 @@ class Date:
             )
         return message
 
-    def _take(self, offset_us: int, source: str, now_us: int, step_us: int = STEP_US) -> Event | None:
+    def _take(self, offset_us: int, source: str, now_us: int, step_us: int = STEP_US) -> DriverEvent | None:
         known, self.source = self.known, source
         moved = abs(offset_us - self.offset_us) > step_us
         if moved:
@@ -79,9 +80,9 @@ class Date:
         if known and not moved:
             return None
         offset_s = self.offset_us * 1e-6
-        details = {"offset_s": round(offset_s, 3), "source": source}
         name = "date_corrected" if known else "date_known"
-        if not known and not moved:
-            return event(name, None, now_us, f"the date is right ({source})", details)
         text = f"the companion's clock stood {offset_s:.1f} s behind the date ({source})"
-        return event(name, None, now_us, text, details)
+        if not known and not moved:
+            text = f"the date is right ({source})"
+        details = {"offset_s": round(offset_s, 3), "source": source}
+        return DriverEvent(name, EVENTS[name][0], text, now_us, details)

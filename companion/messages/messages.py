@@ -132,7 +132,9 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
     ] = None
     date_offset_s: Annotated[
         float | None,
-        about("added to the companion clock's times to make them true; null while the date is not known", "s"),
+        about(
+            "added to the companion clock's times to make them true; null while the date is not known", "s"
+        ),
     ] = None
 
 

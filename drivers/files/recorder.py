@@ -70,6 +70,7 @@ class Recorder:
         self._retry_at = 0.0
         self._process = uuid.uuid4().hex
         self._offset_us, self._date_source = 0, ""
+        self._names_due = True
         self.kept_open: Path | None = None
         """A folder that others still write into; it keeps its name until they are done."""
         self._dropped_since, self._said_at = 0, float("-inf")
@@ -128,7 +129,7 @@ class Recorder:
                 present = self._flight is not None and path == self._flight.path
                 if present or clock.add_us is None:
                     self._note_clock(path, clock)
-            self._set_names_right()
+            self._names_due = True
 
         self._put(work)
 
@@ -209,7 +210,7 @@ class Recorder:
             with self._wake:
                 self._wake.wait_for(lambda: self._work or self._closing, self._options.sync_interval_s)
                 if self._closing and not self._work:
-                    return
+                    break
                 size, work = self._work.popleft() if self._work else (0, None)
                 self._waiting_bytes -= size
             try:
@@ -218,8 +219,13 @@ class Recorder:
                 if time.monotonic() >= next_sync:
                     next_sync = time.monotonic() + self._options.sync_interval_s
                     self._sync()
+                    self._set_names_right()
             except OSError as error:
                 self._fail(error)
+        try:
+            self._set_names_right()
+        except OSError as error:
+            self._fail(error)
 
     def _begin(self) -> None:
         """A new folder, when there is room for one; else why there is none stands in ``stopped``."""
@@ -244,9 +250,7 @@ class Recorder:
                 folder, o.jpeg_quality, o.rate_hz, self._papers, self.counters, shift_us
             )
             add_us = 0 if self._date_source else None
-            write_clock(
-                folder, FolderClock(began_us + shift_us, add_us, self._date_source, self._process)
-            )
+            write_clock(folder, FolderClock(began_us + shift_us, add_us, self._date_source, self._process))
         except OSError:
             shutil.rmtree(folder, ignore_errors=True)  # every attempt would leave one
             raise
@@ -257,7 +261,7 @@ class Recorder:
         if flight is not None:
             flight.close()
             self._report("recording_stopped", severity, f"{flight.path}: {reason}")
-            self._set_names_right()
+            self._names_due = True
 
     def _note_clock(self, path: Path, clock: FolderClock) -> None:
         """What makes the folder's times true; those of a folder begun with a date carry that one's offset already."""
@@ -270,10 +274,12 @@ class Recorder:
     def _set_names_right(self) -> None:
         """Folders begun before the date was known get their true names, once nobody writes into them."""
         directory = self._options.directory
-        if not self._date_source or not directory.is_dir():
+        if not self._names_due or not self._date_source or not directory.is_dir():
             return
         busy = {self.kept_open} | ({self._flight.path} if self._flight is not None else set())
-        for old, new in set_right(directory, {path for path in busy if path is not None}):
+        open_now = {path for path in busy if path is not None}
+        self._names_due = bool(open_now)
+        for old, new in set_right(directory, open_now):
             if self._folder == old:
                 self._folder = new
             self._report("recording_renamed", "info", f"{old} is {new.name} now")
@@ -281,7 +287,6 @@ class Recorder:
     def _sync(self) -> None:
         flight = self._flight
         if flight is None:
-            self._set_names_right()
             if self._wanted and self.stopped and time.monotonic() >= self._retry_at:
                 self._retry_at = time.monotonic() + self._options.retry_s
                 self._begin()

@@ -51,7 +51,16 @@ _NO_AXIS = 0x7FFF
 _RC_FIELDS = tuple(f"chan{i}_raw" for i in range(1, 19))
 _RC_NONE = 0xFFFF
 _OF_MANY = frozenset(
-    {"TIMESYNC", "COMMAND_ACK", "RC_CHANNELS", "SYS_STATUS", "STATUSTEXT", "MANUAL_CONTROL", "CURRENT_MODE", "SYSTEM_TIME"}
+    {
+        "TIMESYNC",
+        "COMMAND_ACK",
+        "RC_CHANNELS",
+        "SYS_STATUS",
+        "STATUSTEXT",
+        "MANUAL_CONTROL",
+        "CURRENT_MODE",
+        "SYSTEM_TIME",
+    }
 )
 """Messages that gimbals, companions and ground stations send too: another component's is nothing to report."""
 _RESULTS = {n: e.name.removeprefix("MAV_RESULT_") for n, e in mavlink.enums["MAV_RESULT"].items()}
