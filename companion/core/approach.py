@@ -103,9 +103,7 @@ class Approach:
             code=step.why.value,
             text=step.words,
             order=step.order.kind.value,
-            velocity_ned=_rounded(step.order.velocity_ned)
-            if step.order.kind is OrderKind.VELOCITY
-            else None,
+            velocity_ned=_rounded(step.order.velocity_ned) if step.order.kind is OrderKind.VELOCITY else None,
             spot_north_m=None if spot is None else round(spot[0] - vehicle[0], 3),
             spot_east_m=None if spot is None else round(spot[1] - vehicle[1], 3),
         )

@@ -8,8 +8,8 @@ from contextlib import ExitStack
 
 import msgspec
 
-from companion.core.command import NAV_LAND
 from companion.core.approach import Ordered
+from companion.core.command import NAV_LAND
 from companion.core.core import LandRequest, Output, Processed
 from companion.core.landing_watch import LandingWatch
 from companion.errors import LandslopeError

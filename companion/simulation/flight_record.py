@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from companion.core.core import Output, Processed
 from companion.core.approach import Ordered
+from companion.core.core import Output, Processed
 from companion.core.judge import LandRequest
 from companion.live.recording import flight_papers
 from companion.messages.messages import encode, topic_of

@@ -7,9 +7,9 @@ from pathlib import Path
 from companion.messages.messages import Decision, Estimate, Event, Health, Message
 from companion.simulation.ground import Fitness, Patch
 from companion.simulation.scenario import Expectation
-from landing.decision.orders import Step
 from drivers.simulated.vehicle.vehicle import Multirotor, TouchDown
 from drivers.simulated.world.truth import FrameTruth
+from landing.decision.orders import Step
 
 
 @dataclass(frozen=True, slots=True)
