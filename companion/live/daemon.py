@@ -8,7 +8,11 @@ from contextlib import ExitStack
 
 import msgspec
 
+<<<<<<< HEAD
 from companion.clocks.date import Date
+=======
+from companion.core.approach import Ordered
+>>>>>>> main
 from companion.core.command import NAV_LAND
 from companion.core.core import LandRequest, Output, Processed
 from companion.core.landing_watch import LandingWatch
@@ -198,6 +202,8 @@ class Daemon:
     def _output(self, output: Output) -> None:
         if isinstance(output, LandRequest):
             self._request(output)
+        elif isinstance(output, Ordered):
+            pass
         elif isinstance(output, Processed):
             self._preview.put(output.frame, output.estimate, self._estimate_us + self._date.offset_us)
             self.recording.processed(output)
