@@ -8,11 +8,8 @@ from contextlib import ExitStack
 
 import msgspec
 
-<<<<<<< HEAD
 from companion.clocks.date import Date
-=======
 from companion.core.approach import Ordered
->>>>>>> main
 from companion.core.command import NAV_LAND
 from companion.core.core import LandRequest, Output, Processed
 from companion.core.landing_watch import LandingWatch
