@@ -22,6 +22,7 @@ from drivers.samples import (
     Sample,
     StatusText,
     SystemStatus,
+    SystemTime,
     Velocity,
 )
 
@@ -34,6 +35,7 @@ INPUTS: dict[type, str] = {
     LandedState: "landed_state",
     CurrentMode: "current_mode",
     SystemStatus: "system_status",
+    SystemTime: "system_time",
     StatusText: "status_text",
     ManualControl: "manual_control",
     RcChannels: "rc_channels",
@@ -57,6 +59,7 @@ SOURCES = {
     "EXTENDED_SYS_STATE": "landed_state",
     "CURRENT_MODE": "current_mode",
     "SYS_STATUS": "system_status",
+    "SYSTEM_TIME": "system_time",
     "STATUSTEXT": "status_text",
     "MANUAL_CONTROL": "manual_control",
     "RC_CHANNELS": "rc_channels",
