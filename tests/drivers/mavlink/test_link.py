@@ -168,6 +168,24 @@ def test_timesync_trips_become_offsets_and_those_of_others_do_not(bench) -> None
         wait_for(lambda: b.link.counters["answers to others"] > count, "count")
 
 
+def test_the_autopilots_own_timesync_request_is_answered_in_the_companions_time(bench) -> None:
+    b = bench()
+    with TestVehicle(b.port) as vehicle:
+        wait_for(b.link.vehicle_found.is_set, "vehicle")
+        from drivers.system.host_clock import now_us
+
+        before_us = now_us()
+        vehicle.send(dialect.MAVLink_timesync_message(0, 777))
+        answers = []
+
+        def answered() -> bool:
+            answers[:] = [m for m in list(vehicle.received) if m.get_type() == "TIMESYNC" and m.ts1 == 777]
+            return bool(answers)
+
+        wait_for(answered, "answer")
+        assert before_us <= answers[0].tc1 // 1000 <= now_us()
+
+
 def test_heartbeats_of_mavsdk_are_withheld_and_numbered_with_our_own(bench) -> None:
     b = bench()
     mavsdk = dialect.MAVLink(None, 1, 191)
