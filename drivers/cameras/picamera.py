@@ -120,7 +120,9 @@ def _import_trouble(kind: str, missing: str, said: str) -> tuple[str, str]:
             f"'apt install python3-{missing.partition('.')[0]}'",
         )
     if any(word in said for word in ABI_WORDS):
-        remedy = "'apt install --reinstall python3-numpy python3-picamera2', and remove a numpy from /usr/local/lib/python3*"
+        remedy = (
+            "'apt install --reinstall python3-numpy python3-picamera2'; remove a numpy below /usr/local/lib"
+        )
         return "the system's picamera2 was built for another numpy than the one it finds", remedy
     return (
         f"picamera2 cannot be imported ({kind}: {said})",
