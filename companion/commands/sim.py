@@ -12,10 +12,12 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from companion.errors import LandslopeError
+from companion.simulation.kinds import KINDS, draw_kind
 
 DEFAULT = "stairs"
 BAR_WIDTH = 30
@@ -63,6 +65,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     many.add_argument(
         "--runs", type=int, metavar="N", help="fly N random scenarios and count what went wrong"
     )
+    many.add_argument(
+        "--kind", choices=sorted(KINDS), metavar="KIND",
+        help=f"what is wrong, or hard and yet sound, in every one of them: {', '.join(sorted(KINDS))}",
+    )  # fmt: skip
     many.add_argument("--jobs", type=int, default=2, metavar="N", help="processes (default: 2)")
     many.add_argument(
         "--keep", type=Path, metavar="DIR", help="record the worst runs here, with their scenarios"
@@ -133,6 +139,7 @@ def _fly(args: argparse.Namespace, scenario: Any, progress: Any) -> Any:
 
 def _many(args: argparse.Namespace) -> int:
     from companion.simulation.monte_carlo import fly_many
+    from companion.simulation.random_scenario import random_scenario
 
     if not 1 <= args.runs <= 100_000 or not 1 <= args.jobs <= 10_000:
         raise LandslopeError("--runs must be from 1 to 100000 and --jobs from 1 to 10000")
@@ -144,12 +151,14 @@ def _many(args: argparse.Namespace) -> int:
         if args.table is not None:
             from companion.simulation.result_table import ResultTable
 
-            table = stack.enter_context(ResultTable(args.table, args.config, args.overrides))
+            same = args.overrides if args.kind is None else [*args.overrides, f"kind={args.kind}"]
+            table = stack.enter_context(ResultTable(args.table, args.config, same))
         report = fly_many(
             args.runs, first, args.jobs, args.config, args.overrides, args.keep, progress,
             on_run=table.add if table is not None else lambda run: None,
             flown=table.runs_before(range(first, first + args.runs)) if table is not None else (),
             pool=None if args.dask is None else _dask(args.dask),
+            draw=random_scenario if args.kind is None else partial(draw_kind, args.kind),
         )  # fmt: skip
     print(report.in_words())
     if args.report is not None:
