@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 from companion.errors import LandslopeError
-from companion.simulation.kinds import KINDS, draw_kind
 
 DEFAULT = "stairs"
 BAR_WIDTH = 30
@@ -66,8 +65,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--runs", type=int, metavar="N", help="fly N random scenarios and count what went wrong"
     )
     many.add_argument(
-        "--kind", choices=sorted(KINDS), metavar="KIND",
-        help=f"what is wrong, or hard and yet sound, in every one of them: {', '.join(sorted(KINDS))}",
+        "--kind", metavar="KIND",
+        help="what is wrong, or hard and yet sound, in every one of them: yaw_180, mirrored, moving, sound_gusts, ...",
     )  # fmt: skip
     many.add_argument("--jobs", type=int, default=2, metavar="N", help="processes (default: 2)")
     many.add_argument(
@@ -138,9 +137,12 @@ def _fly(args: argparse.Namespace, scenario: Any, progress: Any) -> Any:
 
 
 def _many(args: argparse.Namespace) -> int:
+    from companion.simulation.kinds import KINDS, draw_kind
     from companion.simulation.monte_carlo import fly_many
     from companion.simulation.random_scenario import random_scenario
 
+    if args.kind not in (None, *KINDS):
+        raise LandslopeError(f"--kind {args.kind}: give one of {', '.join(sorted(KINDS))}")
     if not 1 <= args.runs <= 100_000 or not 1 <= args.jobs <= 10_000:
         raise LandslopeError("--runs must be from 1 to 100000 and --jobs from 1 to 10000")
     if args.dask is None and args.jobs > 64:
