@@ -53,6 +53,12 @@ class CameraScene:
     focal_believed: Annotated[
         float, Limits(0.3, 3, "", "focal length of the calibration over the true one")
     ] = 1.0
+    in_view: Annotated[
+        Literal["nothing", "skids", "shadow", "dirt", "person"],
+        Meaning(
+            "in the picture beside the ground: the vehicle's skids, its shadow, dirt, a person who walks by"
+        ),
+    ] = "nothing"
 
 
 @dataclass(frozen=True, slots=True)
