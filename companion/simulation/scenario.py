@@ -49,6 +49,9 @@ class CameraScene:
     readout_known: Annotated[bool, Meaning("whether camera.readout_s is set to that")] = True
     brightness: Annotated[float, Limits(0.02, 4, "", "light, 1 is good")] = 1.0
     contrast: Annotated[float, Limits(0.02, 4, "", "contrast, 1 is good")] = 1.0
+    skids: Annotated[bool, Meaning("two landing skids in the picture")] = False
+    dirt: Annotated[int, Limits(0, 50, "", "specks on the lens")] = 0
+    shadow: Annotated[bool, Meaning("the vehicle's own shadow on the ground")] = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +85,8 @@ class SensorScene:
     attitude_error_deg: Annotated[float, Limits(0, 10, "deg", "wandering error of roll and pitch")] = 0.15
     velocity_noise_m_s: Annotated[float, Limits(0, 2, "m/s", "noise")] = 0.03
     velocity_error_m_s: Annotated[float, Limits(0, 2, "m/s", "wandering error")] = 0.05
+    velocity_scale: Annotated[float, Limits(0, 10, "", "of the velocity told; 0: always zero")] = 1.0
+    velocity_told: Annotated[bool, Meaning("whether LOCAL_POSITION_NED comes at all")] = True
 
 
 @dataclass(frozen=True, slots=True)

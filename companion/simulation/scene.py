@@ -12,6 +12,7 @@ from drivers.simulated.vehicle.sensors import SensorErrors
 from drivers.simulated.vehicle.vehicle import Ground, Multirotor, Wind
 from drivers.simulated.world.camera import SensorOptions, SimulatedCamera
 from drivers.simulated.world.lens import Lens
+from drivers.simulated.world.obstruction import Obstruction
 from drivers.simulated.world.render import Renderer
 from drivers.simulated.world.truth import FrameTruth
 from drivers.simulated.world.world import World
@@ -92,6 +93,7 @@ def sensor_errors(scenario: Scenario) -> SensorErrors:
         attitude_error=math.radians(s.attitude_error_deg),
         velocity_noise=s.velocity_noise_m_s,
         velocity_error=s.velocity_error_m_s,
+        velocity_scale=s.velocity_scale,
     )
 
 
@@ -119,6 +121,7 @@ def _sensor(scenario: Scenario) -> SensorOptions:
         readout_s=c.readout_s,
         brightness=c.brightness,
         contrast=c.contrast,
+        obstruction=Obstruction(c.skids, c.dirt, c.shadow),
     )
 
 

@@ -74,6 +74,8 @@ class FlightController:
         if name != self.mode:
             self.mode = name
             self._hold_here()
+            if name == "LAND":
+                self._target = self._stopping_point()
         return True
 
     def arm(self, forced: bool = False) -> bool:
@@ -314,6 +316,18 @@ class FlightController:
         self._yaw = self.vehicle.euler[2]
         self._yaw_rate = None
         self._loop.take_over()
+
+    def _stopping_point(self) -> Vector:
+        """Where ArduCopter's LAND goes: as far ahead as its position controller needs to stop, not back to here.
+
+        AC_PosControl::get_stopping_point_NE_m: linear up to the speed at which the braking is ``braking``.
+        """
+        v, (north, east, down) = self.vehicle.velocity, self.vehicle.position
+        speed, gain, braking = math.hypot(v[0], v[1]), self.gains.position, self.gains.braking
+        linear = braking / gain
+        slow = speed <= linear
+        away_s = 1 / gain if slow else (linear / (2 * gain) + speed * speed / (2 * braking)) / speed
+        return (north + v[0] * away_s, east + v[1] * away_s, down)
 
     def _slow(self) -> bool:
         return math.hypot(self.vehicle.velocity[0], self.vehicle.velocity[1]) < 0.3

@@ -25,6 +25,8 @@ class FlightGains:
     max_sink: float = 1.5
     max_acceleration: float = 4.0
     """Horizontal, of the velocity asked for, m/s^2."""
+    braking: float = 2.5
+    """Deceleration that a stopping point is computed with, m/s^2 (WPNAV_ACCEL)."""
     land_speed: float = 0.5
     land_speed_high: float = 1.5
     """Above ``land_slow_below_m`` over home."""

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import DriverError
 from drivers.samples import Frame
+from drivers.simulated.world.obstruction import Obstructed, Obstruction
 from drivers.simulated.world.render import Renderer
 from drivers.simulated.world.truth import FrameTruth, frame_truth
 
@@ -47,6 +48,7 @@ class SensorOptions:
     brightness: float = 1.0
     contrast: float = 1.0
     """Scales grey values about 128."""
+    obstruction: Obstruction = field(default_factory=Obstruction)
 
     def __post_init__(self) -> None:
         for name, low, high in (
@@ -75,6 +77,8 @@ class SimulatedCamera:
         self.options = SensorOptions() if options is None else options
         self.seed = seed
         lens = renderer.lens
+        o = self.options.obstruction
+        self._obstructed = Obstructed(o, lens, seed) if o.skids or o.dirt or o.shadow else None
         y, x = np.mgrid[0 : lens.height, 0 : lens.width]
         radius2 = (x - lens.matrix[0, 2]) ** 2 + (y - lens.matrix[1, 2]) ** 2
         self._vignette = (1 - self.options.vignetting * radius2 / radius2.max()).astype(np.float32)
@@ -82,6 +86,7 @@ class SimulatedCamera:
     def expose(self, number: int, time_s: float, trajectory: Trajectory) -> NDArray[np.uint8]:
         """(height, width) uint8: frame ``number``, its middle row's mid-exposure at ``time_s``."""
         o = self.options
+        self.renderer.world.advance(time_s)
         if o.exposure_s > 0:
             offsets = ((np.arange(o.blur_samples) + 0.5) / o.blur_samples - 0.5) * o.exposure_s
             light = sum(self._instant(time_s + float(t), trajectory) for t in offsets) / np.float32(
@@ -89,6 +94,11 @@ class SimulatedCamera:
             )
         else:
             light = self._instant(time_s, trajectory)
+        if self._obstructed is not None:
+            pose = trajectory(time_s)
+            light = self._obstructed.apply(
+                np.asarray(light, np.float32), self.renderer.world, pose.position, pose.ned_from_body
+            )
         drift = 1 + o.exposure_drift * math.sin(2 * math.pi * time_s / o.exposure_period_s + self.seed)
         picture = (128 + o.contrast * (light - 128)) * (self._vignette * np.float32(o.brightness * drift))
         if o.noise_sigma > 0:
@@ -98,6 +108,7 @@ class SimulatedCamera:
 
     def truth(self, number: int, time_s: float, trajectory: Trajectory) -> FrameTruth:
         """The truth of the frame at its middle."""
+        self.renderer.world.advance(time_s)
         pose = trajectory(time_s)
         return frame_truth(self.renderer, number, time_s, pose.position, pose.ned_from_body, pose.velocity)
 
