@@ -12,7 +12,6 @@ from drivers.simulated.vehicle.sensors import SensorErrors
 from drivers.simulated.vehicle.vehicle import Ground, Multirotor, Wind
 from drivers.simulated.world.camera import SensorOptions, SimulatedCamera
 from drivers.simulated.world.lens import Lens
-from drivers.simulated.world.obstruction import Obstruction
 from drivers.simulated.world.render import Renderer
 from drivers.simulated.world.truth import FrameTruth
 from drivers.simulated.world.world import World
@@ -121,7 +120,7 @@ def _sensor(scenario: Scenario) -> SensorOptions:
         readout_s=c.readout_s,
         brightness=c.brightness,
         contrast=c.contrast,
-        obstruction=Obstruction(c.skids, c.dirt, c.shadow),
+        in_view=c.in_view,
     )
 
 

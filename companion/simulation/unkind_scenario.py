@@ -181,17 +181,17 @@ def _level(s: Scenario, r: random.Random, material: str = "") -> Scenario:
 
 def _skids(s: Scenario, r: random.Random) -> Scenario:
     s = _level(s, r)
-    return replace(s, camera=replace(s.camera, skids=True))
+    return replace(s, camera=replace(s.camera, in_view="skids"))
 
 
 def _dirt(s: Scenario, r: random.Random) -> Scenario:
     s = _level(s, r)
-    return replace(s, camera=replace(s.camera, dirt=r.randrange(2, 7)))
+    return replace(s, camera=replace(s.camera, in_view="dirt"))
 
 
 def _shadow(s: Scenario, r: random.Random) -> Scenario:
     s = _level(s, r)
-    return replace(s, camera=replace(s.camera, shadow=True))
+    return replace(s, camera=replace(s.camera, in_view="shadow"))
 
 
 def _tiles(s: Scenario, r: random.Random) -> Scenario:

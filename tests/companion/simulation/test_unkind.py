@@ -2,17 +2,12 @@
 
 import math
 
-import numpy as np
 import pytest
 
 from companion.simulation.scenario import parse_scenario, to_toml
 from companion.simulation.unkind_scenario import CLASS_SEEDS, CLASSES, scenario_of, seeds_of
 from drivers.simulated.vehicle.flight_controller import FlightController
 from drivers.simulated.vehicle.vehicle import Multirotor
-from drivers.simulated.world.camera import Pose, SensorOptions, SimulatedCamera
-from drivers.simulated.world.lens import Lens
-from drivers.simulated.world.obstruction import Obstruction
-from drivers.simulated.world.render import Renderer
 from drivers.simulated.world.world import build_world
 
 
@@ -50,30 +45,6 @@ def test_what_moves_takes_its_heights_along():
     assert (world.height_at(0.0, 0.0), world.height_at(0.0, 1.0)) == (pytest.approx(0.0), pytest.approx(1.0))
     world.advance(0.0)
     assert world.height_at(0.0, 0.0) == pytest.approx(1.0)
-
-
-def picture(obstruction: Obstruction, height_m: float = 2.0) -> np.ndarray:
-    world = build_world([{"kind": "level"}])
-    renderer = Renderer(world, Lens.from_fov(160, 120, 90), texture_size=128)
-    camera = SimulatedCamera(renderer, SensorOptions(noise_sigma=0.0, obstruction=obstruction))
-    pose = Pose(np.array([0.0, 0.0, -height_m]), np.eye(3), np.zeros(3))
-    return camera.expose(0, 0.0, lambda time_s: pose).astype(float)
-
-
-def test_skids_and_dirt_cover_some_of_the_picture_and_leave_the_rest():
-    plain = picture(Obstruction())
-    for what in (Obstruction(skids=True), Obstruction(dirt=4)):
-        changed = np.abs(picture(what) - plain) > 10
-        assert 0.01 < changed.mean() < 0.4
-
-
-def test_the_shadow_lies_on_the_ground_away_from_the_sun():
-    plain = picture(Obstruction())
-    rows, columns = np.nonzero(plain - picture(Obstruction(shadow=True)) > 15)
-    # the sun stands in the north-west: the shadow falls to the south-east by a third and a quarter of the height
-    focal = 80.0
-    assert np.mean(rows) - 59.5 == pytest.approx(focal * 0.35 / 0.9, abs=3)
-    assert np.mean(columns) - 79.5 == pytest.approx(focal * 0.25 / 0.9, abs=3)
 
 
 def test_land_goes_to_the_stopping_point():
