@@ -34,7 +34,7 @@ JUMP_M = 3.0
 def way_on(path: Sequence[Place], ground: dict[str, Any]) -> list[Place]:
     """The path (north, east in the map's axes) with the place of another ground message, or anew after a jump."""
     north, east = ground.get("north_m"), ground.get("east_m")
-    if not (_finite(north) and _finite(east)):
+    if north is None or east is None or not (_finite(north) and _finite(east)):
         return list(path)
     place = (float(north), float(east))
     return [*path, place] if path and math.dist(path[-1], place) <= JUMP_M else [place]
