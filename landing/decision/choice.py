@@ -56,23 +56,24 @@ class Choice:
         if not here:
             return False
         best, spot = max(here, key=lambda entry: merit(entry[1], i.lean))
-        chosen = self.spot_ned
-        if chosen is None:
+        if self.spot_ned is None:
             self.spot_ned = best
             return True
-        same = [entry for entry in here if _apart(entry[0], chosen) <= SAME_M]
-        if same:
-            near, kept = min(same, key=lambda entry: _apart(entry[0], chosen))
-            chosen = _between(chosen, near, FOLLOW)
-            self.spot_ned = chosen
-            if merit(spot, i.lean) - merit(kept, i.lean) <= CLEARLY_M:
-                return False
-        elif merit(spot, i.lean) <= CLEARLY_M:
+        chosen = self.spot_ned
+        kept = self._kept(here, chosen)
+        if kept is not None:
+            self.spot_ned = chosen = _between(chosen, kept[0], FOLLOW)
+        if merit(spot, i.lean) - (merit(kept[1], i.lean) if kept else 0.0) <= CLEARLY_M:
             return False
         if _apart(best, chosen) <= SAME_M:
             return False
         self.spot_ned = best
         return True
+
+    def _kept(self, here: list[tuple[Vector, Spot]], chosen: Vector) -> tuple[Vector, Spot] | None:
+        """The disc that is the chosen place, as it is seen now."""
+        same = [entry for entry in here if _apart(entry[0], chosen) <= SAME_M]
+        return min(same, key=lambda entry: _apart(entry[0], chosen)) if same else None
 
     def _place(self, spot: Spot, i: Inputs) -> Vector:
         north, east, down = i.place_ned

@@ -83,7 +83,7 @@ class Descent:
         self._sum, self._time_s, self._turned = 0.0, time_s, 0.0
 
     def sink(self, time_s: float, height_m: float, approach: float, share: float) -> float:
-        """Speed down, m/s. ``approach`` 1/s is what the view shows of it; ``share`` of the divergence to come down by."""
+        """Speed down, m/s. ``approach`` 1/s: what the view shows of it; ``share`` of the divergence to come down by."""
         dt = min(max(time_s - self._time_s, 0.0), 0.5) if math.isfinite(self._time_s) else 0.0
         self._time_s = time_s
         if not math.isfinite(height_m):

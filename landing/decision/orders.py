@@ -147,7 +147,8 @@ class Inputs:
     """One frame as the procedure sees it.
 
     ``objections`` stand against a landing now; ``mode`` is the flight mode, None while it is not heard. ``quiet``:
-    the autopilot is busy with a failsafe or is not heard, so nothing may be said to it; ``landing``: it lands at our request. ``place_ned`` is the
+    the autopilot is busy with a failsafe or is not heard, so nothing may be said to it; ``landing``: it lands at our
+    request. ``place_ned`` is the
     vehicle by the visual motion, ``place_std_m`` how much that has drifted since the spot was seen last, one sigma;
     ``local_ned`` the same vehicle by the autopilot, in the autopilot's axes; ``velocity_ned`` by the visual motion
     where that is in metres, else by the autopilot. ``height_m`` over the ground straight below, ``height_std_m``,
@@ -179,7 +180,7 @@ class Inputs:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """What a frame came to: the order, the state after it, why, and the chosen place (north, east, down, map's axes)."""
+    """What a frame came to: the order, the state after it, why, and the chosen place (NED in the map's axes)."""
 
     order: Order
     state: State

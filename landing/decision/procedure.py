@@ -16,6 +16,7 @@ import math
 from collections.abc import Callable
 
 from landing.decision.choice import Choice
+from landing.decision.fence import Fence
 from landing.decision.guidance import Descent, Shaper, Spiral, towards
 from landing.decision.orders import (
     MOVING,
@@ -35,12 +36,10 @@ from landing.decision.procedure_options import (
     ARRIVED_SHARE,
     CLIMB_M,
     CLIMB_SPEED,
-    FENCE_MARGIN_M,
     HANDED_OVER_M,
     LIMIT_S,
     LOOK_LEAST_S,
     LOOK_RADIUS_M,
-    LOWEST_SHARE,
     OUR_MODES,
     OWN,
     SEARCH_FLOW,
@@ -63,13 +62,13 @@ class Procedure:
         self._choice = Choice(options.max_search_m)
         self._shaper, self._descent = Shaper(), Descent(options.divergence)
         self._spiral: Spiral | None = None
-        self._since_s = self._begun_s = self._seen_s = math.nan
+        self._since_s = self._seen_s = math.nan
         self._sure_s = math.nan
         self._side = 1.0
         self._tries = 0
         self._followed = False
         self._origin: Vector = STILL
-        self._origin_local: Vector | None = None
+        self._fence = Fence(options, Inputs(time_s=math.nan))
         self._from_m = math.nan
         self._level = 0.0
         self._look_from: Vector = STILL
@@ -88,10 +87,7 @@ class Procedure:
         """Take a frame; times must rise."""
         before = self.state, self.why
         self._seen_s = i.time_s
-        if self.state in MOVING:
-            order = self._fly(i)
-        else:
-            order = self._rest(i)
+        order = self._fly(i) if self.state in MOVING else self._rest(i)
         return self._told(order, before)
 
     def watch(
@@ -119,27 +115,6 @@ class Procedure:
             return Why.MODE_LEFT, mode or ""
         against = [o for o in objections if o not in OWN]
         return (Why.PERMISSION_ENDED, against[0].value) if against else None
-
-    def _fenced(self, i: Inputs) -> tuple[Why, str] | None:
-        o = self.options
-        if i.contradictions:
-            return Why.CONTRADICTED, i.contradictions[0]
-        if not all(map(math.isfinite, i.place_ned)):
-            return Why.CONTRADICTED, "place unknown"
-        away = [math.dist(i.place_ned[:2], self._origin[:2])]
-        if i.local_ned is not None and self._origin_local is not None:
-            away.append(math.dist(i.local_ned[:2], self._origin_local[:2]))
-        if not max(away) <= o.max_search_m + FENCE_MARGIN_M:
-            return Why.FENCE_DISTANCE, f"{max(away):.1f} m"
-        rise = self._origin[2] - i.place_ned[2]
-        if rise > CLIMB_M + 1.0:
-            return Why.FENCE_HEIGHT, f"{rise:.1f} m above the start"
-        low = self.state is State.DESCEND and i.height_m < LOWEST_SHARE * o.hand_over_m
-        if low:
-            return Why.FENCE_HEIGHT, f"{i.height_m:.1f} m"
-        if i.time_s - self._begun_s > o.max_time_s:
-            return Why.FENCE_TIME, ""
-        return None
 
     def _give_back(self, why: Why, about: str, mode: str | None, quiet: bool) -> Order:
         """Hold is asked for only where the autopilot still flies by our setpoints and has nothing graver to do."""
@@ -172,8 +147,7 @@ class Procedure:
     def _start(self, i: Inputs) -> Order:
         self._choice.forget()
         self._spiral, self._tries, self._followed = None, 0, False
-        self._begun_s = i.time_s
-        self._origin, self._origin_local = i.place_ned, i.local_ned
+        self._fence, self._origin = Fence(self.options, i), i.place_ned
         self._from_m, self._level = i.height_m, i.place_ned[2]
         self._shaper.begin(i.time_s, i.velocity_ned or STILL)
         self._go(State.START, Why.TAKING_OVER, i.time_s)
@@ -181,7 +155,7 @@ class Procedure:
 
     def _fly(self, i: Inputs) -> Order:
         self._followed |= i.mode in OUR_MODES
-        ended = self._ended(i.objections, i.mode) or self._fenced(i)
+        ended = self._ended(i.objections, i.mode) or self._fence.against(i, self.state)
         if ended is None and i.time_s - self._since_s > LIMIT_S.get(self.state, math.inf):
             ended = self._limit(), ""
         if ended is not None:
