@@ -15,6 +15,8 @@ SYSTEM_STATUS_HZ = 2.0
 """SYS_STATUS says whether the radio is heard."""
 FLOWN_STATE_HZ = 20.0
 """Least rate of what tells of a takeover (PX4's CURRENT_MODE, sticks) while setpoints may be sent."""
+SYSTEM_TIME_HZ = 1.0
+"""SYSTEM_TIME tells the date to a board that does not know it."""
 
 
 def link_options(settings: Settings, connection: str = "") -> LinkOptions:
@@ -41,6 +43,7 @@ def link_options(settings: Settings, connection: str = "") -> LinkOptions:
             "LOCAL_POSITION_NED": m.position_rate_hz,
             "EXTENDED_SYS_STATE": m.state_rate_hz,
             "SYS_STATUS": SYSTEM_STATUS_HZ,
+            "SYSTEM_TIME": SYSTEM_TIME_HZ,
             "CURRENT_MODE": state_hz,
             "MANUAL_CONTROL": state_hz,
         }
