@@ -116,7 +116,7 @@ class LinkExamination:
         findings += self._clock(samples)
         known_us = heartbeats[0].arrival_us  # what came before could be nobody's
         late = (s for s in samples if isinstance(s, Refusal) and s.arrival_us > known_us)
-        refused = Counter((refusal.reason, refusal.detail) for refusal in late)
+        refused = Counter((refusal.reason.words, refusal.detail) for refusal in late)
         if refused:
             text = ", ".join(f"{count} x {why} ({what})" for (why, what), count in refused.most_common(3))
             findings.append(
