@@ -15,9 +15,9 @@ from typing import Any
 from companion.simulation.flight_result import FlightResult
 from companion.simulation.ground import unsafe
 from companion.simulation.lockstep import LockstepOptions, fly
-from companion.simulation.random_scenario import random_scenario
 from companion.simulation.scenario import Scenario, to_toml
-from companion.simulation.shares import Share
+from companion.simulation.shares import Share, wilson
+from companion.simulation.unkind_scenario import scenario_of, seeds_of
 from drivers.system.workers import worker_pool
 
 TRUTH_EVERY = 5
@@ -130,9 +130,6 @@ class Report:
             for r in self.runs
         )
 
-    def _share(self, which: Callable[[Run], bool]) -> Share:
-        return Share(sum(map(which, self.runs)), len(self.runs))
-
     def in_words(self) -> str:
         """The figures, several lines."""
         kinds = Counter(r.ground for r in self.runs)
@@ -144,9 +141,9 @@ class Report:
             f"  held back: fit ground too far down or aside {self.held_back}",
             f"  requested on ground that is neither         {sum(r.outcome == 'between' for r in self.runs)}",
             f"  the software broke                          {self.crashes}",
-            f"  a contradiction was told                    {self._share(lambda r: bool(r.contradicted))}",
-            f"  landing requested at all                    {self._share(lambda r: r.requested_s is not None)}",
-            "  by ground: requested, on unfit, unfit beside, missed",
+            f"  a contradiction was told in                 {sum(bool(r.contradicted) for r in self.runs)}",
+            f"  landing requested at all in                 {sum(r.requested_s is not None for r in self.runs)}",
+            "  by ground or class: requested, on unfit (95 % confidence), unfit beside, missed",
         ]
         for kind, count in sorted(kinds.items()):
             runs = [r for r in self.runs if r.ground == kind]
@@ -154,7 +151,9 @@ class Report:
             bad, near, missed = (
                 sum(r.outcome == word for r in runs) for word in ("unsafe", "view", "missed")
             )
-            lines.append(f"    {kind:<8} {count:4d} flights {asked:4d} {bad:4d} {near:4d} {missed:4d}")
+            low, high = (100 * bound for bound in wilson(bad, count))
+            unfit = f"{bad:4d} ({low:.1f} to {high:.1f} %)"
+            lines.append(f"    {kind:<16} {count:4d} flights {asked:4d} {unfit} {near:4d} {missed:4d}")
         lines += [f"  {run}" for run in worst(self.runs)[:KEPT_WORST]]
         lines += [f"  kept {path}" for path in self.kept]
         return "\n".join(lines)
@@ -201,19 +200,21 @@ def fly_many(
     on_run: Callable[[Run], None] = lambda run: None,
     flown: Sequence[Run] = (),
     pool: Pool | None = None,
-    draw: Draw = random_scenario,
+    classes: Sequence[str] = ("control",),
+    draw: Draw = scenario_of,
 ) -> Report:
-    """Fly ``count`` scenarios from ``first_seed`` on in ``jobs`` processes; record the worst under ``keep``.
+    """Fly ``count`` random scenarios of each class from ``first_seed`` on in ``jobs`` processes.
+
+    The worst are recorded under ``keep``.
 
     ``on_run`` is given every flight as soon as it has ended, ``on_wrong`` those that went wrong. ``flown`` are counted
-    and not flown again. ``pool`` opens another place to fly than processes of this machine. ``draw`` gives the scenario
-    of a seed.
+    and not flown again. ``pool`` opens another place to fly than processes of this machine.
     """
     started = time.perf_counter()
     report = Report()
     report.runs += flown
     known = {run.seed for run in flown}
-    seeds = [seed for seed in range(first_seed, first_seed + count) if seed not in known]
+    seeds = [seed for seed in seeds_of(list(classes), count, first_seed) if seed not in known]
     if pool is None and jobs > 1 and len(seeds) > 1:
         pool = processes(jobs)
     flight = partial(fly_one, config=config, overrides=tuple(overrides), draw=draw)
@@ -222,17 +223,17 @@ def fly_many(
         on_run(run)
         if run.wrong:
             on_wrong(run)
-        progress(done, count)
+        progress(done, count * len(classes))
     report.runs.sort(key=lambda r: r.seed)
     report.elapsed_s = time.perf_counter() - started
     if keep is not None:
         shown = [r for r in worst(report.runs) if not r.crashed][:KEPT_WORST]
-        report.kept = [_keep(draw(r.seed), r.outcome, keep, config, overrides) for r in shown]
+        report.kept = [_keep(r, draw, keep, config, overrides) for r in shown]
     return report
 
 
 def fly_one(
-    seed: int, config: Path | None = None, overrides: Sequence[str] = (), draw: Draw = random_scenario
+    seed: int, config: Path | None = None, overrides: Sequence[str] = (), draw: Draw = scenario_of
 ) -> Run:
     """Fly the scenario of a seed and judge it."""
     scenario = draw(seed)
@@ -246,12 +247,14 @@ def judge(scenario: Scenario, result: FlightResult, max_inclination_deg: float) 
     request = result.requests[0] if result.requests else None
     below = result.touch_ground or (request.below if request else None)
     fault = scenario.faults[0].kind if scenario.faults else ""
+    none_due = scenario.expect.landing == "none"
     if request is not None and below is not None:
         outcome = {"fit": "right", "unfit": "view", "between": "between"}[request.fitness]
-        if unsafe(below, max_inclination_deg) or scenario.ground.moves:
+        if none_due or scenario.ground.moves or unsafe(below, max_inclination_deg):
             outcome = "unsafe"
     else:
-        outcome = "missed" if result.longest_chance_s >= OPPORTUNITY_S and not fault else "right"
+        chance = result.longest_chance_s >= OPPORTUNITY_S and not fault and not none_due
+        outcome = "missed" if chance else "right"
     return Run(
         seed=scenario.basics.seed,
         ground=scenario.basics.description,
@@ -304,11 +307,13 @@ def _all(
 
 
 def _crashed(scenario: Scenario, error: BaseException) -> Run:
+    seed = scenario.basics.seed
     fault = scenario.faults[0].kind if scenario.faults else ""
     what = f"{type(error).__name__}: {error}"
     nothing: tuple[None, None, None, None, None] = (None,) * 5
-    basics = scenario.basics
-    return Run(basics.seed, basics.description, fault, "crashed", *nothing, False, 0.0, 0.0, 0.0, error=what)
+    return Run(
+        seed, scenario.basics.description, fault, "crashed", *nothing, False, 0.0, 0.0, 0.0, error=what
+    )
 
 
 def _quiet() -> None:
@@ -316,11 +321,10 @@ def _quiet() -> None:
     logging.basicConfig(level=logging.CRITICAL)
 
 
-def _keep(
-    scenario: Scenario, outcome: str, directory: Path, config: Path | None, overrides: Sequence[str]
-) -> Path:
+def _keep(run: Run, draw: Draw, directory: Path, config: Path | None, overrides: Sequence[str]) -> Path:
     """Fly a run again, the same bit for bit, and leave its scenario and its flight folder."""
-    folder = directory / f"{outcome}_{scenario.basics.seed}"
+    scenario = draw(run.seed)
+    folder = directory / f"{run.outcome}_{run.seed}"
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "scenario.toml").write_text(to_toml(scenario), encoding="utf-8")
     fly(scenario, config, overrides, LockstepOptions(record=folder))

@@ -50,9 +50,7 @@ class CameraScene:
     brightness: Annotated[float, Limits(0.02, 4, "", "light, 1 is good")] = 1.0
     contrast: Annotated[float, Limits(0.02, 4, "", "contrast, 1 is good")] = 1.0
     mirrored: Annotated[bool, Meaning("whether left and right are swapped in the pictures")] = False
-    focal_believed: Annotated[
-        float, Limits(0.3, 3, "", "focal length of the calibration over the true one")
-    ] = 1.0
+    focal_believed: Annotated[float, Limits(0.3, 3, "", "calibrated over true focal length")] = 1.0
     in_view: Annotated[
         Literal["nothing", "skids", "shadow", "dirt", "person"],
         Meaning(
@@ -105,9 +103,9 @@ class SensorScene:
     attitude_error_deg: Annotated[float, Limits(0, 10, "deg", "wandering error of roll and pitch")] = 0.15
     velocity_noise_m_s: Annotated[float, Limits(0, 2, "m/s", "noise")] = 0.03
     velocity_error_m_s: Annotated[float, Limits(0, 2, "m/s", "wandering error")] = 0.05
-    velocity_lag_s: Annotated[float, Limits(0, 2, "s", "time constant of a slow filter of the velocity")] = (
-        0.0
-    )
+    velocity_lag_s: Annotated[float, Limits(0, 2, "s", "time constant of a slow filter")] = 0.0
+    velocity_scale: Annotated[float, Limits(0, 10, "", "of the velocity told; 0: always zero")] = 1.0
+    velocity_told: Annotated[bool, Meaning("whether LOCAL_POSITION_NED comes at all")] = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -126,6 +126,7 @@ def sensor_errors(scenario: Scenario) -> SensorErrors:
         velocity_noise=s.velocity_noise_m_s,
         velocity_error=s.velocity_error_m_s,
         velocity_lag_s=s.velocity_lag_s,
+        velocity_scale=s.velocity_scale,
     )
 
 

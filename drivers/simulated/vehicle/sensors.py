@@ -25,6 +25,8 @@ class SensorErrors:
     """m/s, wanders as the attitude's error."""
     velocity_lag_s: float = 0.0
     """Time constant of a filter that follows the velocity slowly, as with a weak GPS; 0: none."""
+    velocity_scale: float = 1.0
+    """Of the velocity told; zeros came from an ArduCopter whose EKF had no source of velocity, in SITL."""
 
 
 @dataclass(slots=True)
@@ -81,5 +83,6 @@ class Sensors:
         """NED, m/s, as estimated."""
         noise, n = self._random.gauss, self.errors.velocity_noise
         v = self.vehicle.velocity if self.errors.velocity_lag_s <= 0 else self._slow
-        d = self._drift
-        return (v[0] + d[0] + noise(0, n), v[1] + d[1] + noise(0, n), v[2] + d[2] + noise(0, n))
+        d, scale = self._drift, self.errors.velocity_scale
+        north, east, down = (scale * (v[i] + d[i] + noise(0, n)) for i in range(3))
+        return (north, east, down)
