@@ -79,10 +79,12 @@ def flight_settings(
     """The settings of a flight, with the simulated camera's calibration written into ``directory``."""
     lens = scene.lens
     calibration = directory / "camera.yaml"
+    believed = lens.matrix.copy()
+    believed[:2, :2] *= scenario.camera.focal_believed
     info = CameraInfo(
         lens.width,
         lens.height,
-        tuple(map(float, lens.matrix.ravel())),
+        tuple(map(float, believed.ravel())),
         tuple(map(float, lens.distortion)),
         EQUIDISTANT if lens.equidistant else "plumb_bob",
         name="simulated",
