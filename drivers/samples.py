@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.refusals import RefusalCode
+
 Vector3 = tuple[float, float, float]
 
 GRAVITY = 9.80665
@@ -149,6 +151,14 @@ class ClockOffset:
 
 
 @dataclass(frozen=True, slots=True)
+class SystemTime:
+    """SYSTEM_TIME: the autopilot's date in microseconds since 1970; 0 while it does not know it."""
+
+    arrival_us: int
+    unix_us: int
+
+
+@dataclass(frozen=True, slots=True)
 class CommandAnswer:
     """COMMAND_ACK to a command of ours; ``result`` by MAVLink name without the prefix ("ACCEPTED", ...)."""
 
@@ -159,11 +169,11 @@ class CommandAnswer:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """An input that was refused, with a named reason; counted, never dropped in silence."""
+    """An input that was refused, with its reason; counted, never dropped in silence."""
 
     arrival_us: int
     source: str
-    reason: str
+    reason: RefusalCode
     detail: str = field(default="", compare=False)
 
 
@@ -175,6 +185,7 @@ Sample = (
     | Heartbeat
     | CurrentMode
     | SystemStatus
+    | SystemTime
     | StatusText
     | ManualControl
     | LandedState

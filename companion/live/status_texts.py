@@ -55,6 +55,7 @@ SHORT_CONDITIONS = {
     ConditionCode.VITAL_INPUT_STALE: "{subject}: stopped",
     ConditionCode.CLOCKS_UNRELATED: "autopilot's time not known",
     ConditionCode.CAMERA_FROZEN: "picture frozen",
+    ConditionCode.MASK_LARGE: "mask too large",
     ConditionCode.TWO_VEHICLES: "two vehicles, set system_id",
     ConditionCode.UNCALIBRATED: "camera not calibrated",
     ConditionCode.RECORDING_STOPPED: "not recording",
@@ -75,6 +76,17 @@ SHORT_ENDS = {
     "landing_held": "landing ended, we asked for hold",
     "landing_taken_over": "landing ended, pilot took over",
 }
+
+SHORT_PROCEDURE = {
+    "start": "procedure takes over",
+    "search": "procedure searches a place",
+    "go": "procedure goes to a place",
+    "descend": "procedure comes down",
+    "hold": "procedure stops, place unfit",
+    "hand_over": "procedure hands over to land",
+}
+"""State -> few words; states that last a moment are not told."""
+GAVE_BACK = "procedure gave back"
 
 
 class StatusTexts:
@@ -136,6 +148,11 @@ class StatusTexts:
                 text = f"{why}, {text}"
         elif event.event in COMMAND_EVENTS:
             text = SHORT_ENDS.get(event.event, event.text.removeprefix("command to "))
+        elif event.event == "procedure_gave_back":
+            why = str(event.details.get("code", "")).replace("_", " ")
+            text = f"{GAVE_BACK}: {why}"[: TEXT_LENGTH - len(PREFIX)]
+        elif event.event == "procedure_changed" and event.details.get("state") in SHORT_PROCEDURE:
+            text = SHORT_PROCEDURE[event.details["state"]]
         else:
             return []
         return self._text(event.severity, text) if self._may(text, event.time_unix_us) else []

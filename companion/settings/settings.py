@@ -17,6 +17,12 @@ class CameraSettings:
         str, Meaning("source of frames: device, URL or file; a replay uses the recorded flight")
     ] = ""
     calibration: Annotated[str, FilePath("the camera's calibration, a ROS camera_info YAML file")] = ""
+    mask: Annotated[
+        str,
+        FilePath(
+            "PNG of the picture's size: black pixels never show the ground, as skids or a gimbal's edge"
+        ),
+    ] = ""
     mount_roll_deg: Annotated[float, Limits(-180, 180, "deg", "camera's roll in the body frame")] = 0.0
     mount_pitch_deg: Annotated[float, Limits(-180, 180, "deg", "camera's pitch in the body frame")] = 0.0
     mount_yaw_deg: Annotated[float, Limits(-180, 180, "deg", "camera's yaw in the body frame")] = 0.0
@@ -196,6 +202,25 @@ class LandingSettings:
     enabled: Annotated[bool, Meaning("allow landing requests from the start, without a pilot's switch")] = (
         False
     )
+    procedure: Annotated[
+        Literal["land", "landing_target", "offboard"],
+        Meaning(
+            "land: request the landing where it is; landing_target: and tell where to; offboard: fly there and descend"
+        ),
+    ] = "land"
+    takeover_modes: Annotated[
+        tuple[str, ...],
+        Meaning("flight modes in which landing.procedure = offboard may take over; empty: in none"),
+    ] = ()
+    descent_divergence: Annotated[
+        float, Limits(0.2, 0.35, "1/s", "sink over height while the procedure descends")
+    ] = 0.25
+    max_speed_m_s: Annotated[
+        float, Limits(0.3, 3, "m/s", "largest speed the procedure asks for, horizontally and vertically")
+    ] = 1.5
+    max_time_s: Annotated[
+        float, Limits(10, 600, "s", "time after which the procedure gives the vehicle back")
+    ] = 120.0
     allowed_modes: Annotated[tuple[str, ...], Meaning("flight modes in which a landing may be requested")] = (
         "GUIDED",
         "AUTO",

@@ -4,19 +4,22 @@ The telemetry may also be the autopilot's own log, with its clock related to the
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from heapq import merge
 from pathlib import Path
 
 from drivers.errors import DriverError
 from drivers.files.autopilot_log import LogInTime
+from drivers.files.folder_clock import read_clock
 from drivers.files.frame_table import FrameRow, read_frame_table
 from drivers.files.tlog import read_tlog
 from drivers.files.tlog_survey import STEP_US, ClockStep, Survey, survey_tlog
 from drivers.files.ulog import read_ulog
 from drivers.files.video_file import DEFAULT_FPS, Image, VideoFile
 from drivers.mavlink.telemetry import TelemetryDecoder
-from drivers.samples import Frame, Refusal, Sample
+from drivers.refusals import RefusalCode
+from drivers.samples import ClockOffset, Frame, Refusal, Sample
 
 VIDEO, STAMPS, TELEMETRY = "camera.mkv", "frames.csv", "vehicle.tlog"
 ULOG = "vehicle.ulg"
@@ -74,6 +77,10 @@ class FlightFolder:
         self.frame_count = len(rows)
         self.start_us = min(rows[0].order_us, survey.first_us or rows[0].order_us)
         self._check_overlap(survey)
+        clock = read_clock(self.path)
+        self.add_us = 0 if clock is None else clock.add_us or 0
+        """What was added to all times, since the recorder did not know the date."""
+        self.start_us += self.add_us
         self.duration_s = (rows[-1].order_us - rows[0].order_us) * 1e-6
 
     def _check_overlap(self, survey: Survey) -> None:
@@ -100,7 +107,7 @@ class FlightFolder:
     def samples(self) -> Iterator[Sample]:
         """Everything recorded, in the order in which it arrived; frames are decoded one at a time."""
         for _, _, sample in merge(self._telemetry(), self._frames(), key=lambda item: item[:2]):
-            yield sample
+            yield later(sample, self.add_us) if self.add_us else sample
 
     def _telemetry(self) -> Iterator[tuple[int, int, Sample]]:
         """(order, 0, sample); the order is the arrival with clock steps taken out."""
@@ -127,12 +134,12 @@ class FlightFolder:
                 if lost in rows:
                     order, stamp_us = max(order, rows[lost].order_us), rows[lost].stamp_us
                     detail = f"frame {lost} of {VIDEO}"
-                    yield order, 1, Refusal(stamp_us, "camera", "undecodable_frame", detail)
+                    yield order, 1, Refusal(stamp_us, "camera", RefusalCode.UNDECODABLE_FRAME, detail)
             due, decoded = index + 1, decoded + 1
             row = rows.get(index)
             if row is None:
                 detail = f"frame {index} of {VIDEO}"
-                yield order, 1, Refusal(stamp_us, "camera", "frame_without_stamp", detail)
+                yield order, 1, Refusal(stamp_us, "camera", RefusalCode.FRAME_WITHOUT_STAMP, detail)
                 continue
             order, stamp_us = max(order, row.order_us), row.stamp_us
             while refusals and refusals[0].arrival_us < stamp_us:
@@ -145,7 +152,7 @@ class FlightFolder:
         for number in [n for n in rows if n >= due]:
             order, stamp_us = max(order, rows[number].order_us), rows[number].stamp_us
             detail = f"frame {number}: {VIDEO} ends before"
-            yield order, 1, Refusal(stamp_us, "camera", "video_ended", detail)
+            yield order, 1, Refusal(stamp_us, "camera", RefusalCode.VIDEO_ENDED, detail)
 
     def _numbered_images(self) -> Iterator[tuple[int, Image]]:
         """Frames of the video with their number in frames.csv.
@@ -194,6 +201,16 @@ def log_in(path: Path) -> LogInTime | None:
             "TIMESYNC requests while it runs; replay such a flight with its vehicle.tlog"
         )
     return in_time
+
+
+def later(sample: Sample, add_us: int) -> Sample:
+    """The sample with its times of the companion's clock moved."""
+    arrival_us = sample.arrival_us + add_us
+    if isinstance(sample, Frame):
+        return replace(sample, arrival_us=arrival_us, stamp_us=sample.stamp_us + add_us)
+    if isinstance(sample, ClockOffset):
+        return replace(sample, arrival_us=arrival_us, offset_us=sample.offset_us + add_us)
+    return replace(sample, arrival_us=arrival_us)
 
 
 def _is_step(step: ClockStep, delta_us: int) -> bool:

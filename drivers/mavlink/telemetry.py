@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from drivers.mavlink import current_mode as current_mode  # before the ids are taken from the table
 from drivers.mavlink.flight_modes import AUTOPILOTS, mode_name, vehicle_type
+from drivers.refusals import RefusalCode
 from drivers.samples import (
     GRAVITY,
     Attitude,
@@ -23,6 +24,7 @@ from drivers.samples import (
     Sample,
     StatusText,
     SystemStatus,
+    SystemTime,
     Vector3,
     Velocity,
 )
@@ -50,7 +52,16 @@ _NO_AXIS = 0x7FFF
 _RC_FIELDS = tuple(f"chan{i}_raw" for i in range(1, 19))
 _RC_NONE = 0xFFFF
 _OF_MANY = frozenset(
-    {"TIMESYNC", "COMMAND_ACK", "RC_CHANNELS", "SYS_STATUS", "STATUSTEXT", "MANUAL_CONTROL", "CURRENT_MODE"}
+    {
+        "TIMESYNC",
+        "COMMAND_ACK",
+        "RC_CHANNELS",
+        "SYS_STATUS",
+        "STATUSTEXT",
+        "MANUAL_CONTROL",
+        "CURRENT_MODE",
+        "SYSTEM_TIME",
+    }
 )
 """Messages that gimbals, companions and ground stations send too: another component's is nothing to report."""
 _RESULTS = {n: e.name.removeprefix("MAV_RESULT_") for n, e in mavlink.enums["MAV_RESULT"].items()}
@@ -60,7 +71,7 @@ class TelemetryDecoder:
     """One MAVLink message in, samples out; refuses with a reason what it cannot trust.
 
     ``system_id`` 0 takes the first vehicle that speaks; another one's messages are then refused as
-    "second_vehicle" (with a system id given, as "foreign_system"). ``component_id`` is the autopilot's.
+    SECOND_VEHICLE (with a system id given, as FOREIGN_SYSTEM). ``component_id`` is the autopilot's.
     ``own_component``: answers to commands of other components are none of ours.
     Of attitudes, ATTITUDE is taken, ATTITUDE_QUATERNION only where no ATTITUDE comes; of gyros, the best there is.
     """
@@ -93,7 +104,7 @@ class TelemetryDecoder:
             return [Refusal(arrival_us, name, reason, f"from {source}")]
         return handler(self, message, arrival_us)
 
-    def _foreign(self, message: Any, name: str) -> str | None:
+    def _foreign(self, message: Any, name: str) -> RefusalCode | Literal[""] | None:
         """Why a message is not our autopilot's: None if it is, "" where that is nothing to report."""
         system, component = message.get_srcSystem(), message.get_srcComponent()
         if name == "HEARTBEAT" and message.autopilot == mavlink.MAV_AUTOPILOT_INVALID:
@@ -105,8 +116,9 @@ class TelemetryDecoder:
             if self.system_id == 0:
                 self.system_id = system
         if system != self.system_id:
-            return "foreign_system" if self._given or component != self._component else "second_vehicle"
-        return None if component == self._component else "foreign_component"
+            named = self._given or component != self._component
+            return RefusalCode.FOREIGN_SYSTEM if named else RefusalCode.SECOND_VEHICLE
+        return None if component == self._component else RefusalCode.FOREIGN_COMPONENT
 
     def _attitude(self, m: Any, arrival_us: int) -> list[Sample]:
         values = (m.roll, m.pitch, m.yaw, m.rollspeed, m.pitchspeed, m.yawspeed)
@@ -128,7 +140,9 @@ class TelemetryDecoder:
             return [_not_finite("ATTITUDE_QUATERNION", arrival_us)]
         norm = math.hypot(*values[:4])
         if not 0.9 < norm < 1.1:
-            return [Refusal(arrival_us, "ATTITUDE_QUATERNION", "not_a_rotation", f"norm {norm:.3g}")]
+            return [
+                Refusal(arrival_us, "ATTITUDE_QUATERNION", RefusalCode.NOT_A_ROTATION, f"norm {norm:.3g}")
+            ]
         w, x, y, z = (v / norm for v in values[:4])
         roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
         pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
@@ -214,6 +228,9 @@ class TelemetryDecoder:
             return []  # the autopilot's own request, or an answer to somebody else
         return [ClockOffset(arrival_us, boot_us, (sent_us + arrival_us) // 2 - boot_us, trip_us)]
 
+    def _system_time(self, m: Any, arrival_us: int) -> list[Sample]:
+        return [SystemTime(arrival_us, int(m.time_unix_usec))]
+
     def _command_ack(self, m: Any, arrival_us: int) -> list[Sample]:
         if m.target_component not in (0, self._own_component):
             return []
@@ -225,7 +242,7 @@ def _finite(values: tuple[float, ...]) -> bool:
 
 
 def _not_finite(source: str, arrival_us: int) -> Refusal:
-    return Refusal(arrival_us, source, "not_finite")
+    return Refusal(arrival_us, source, RefusalCode.NOT_FINITE)
 
 
 def _boot_us(time_boot_ms: int) -> int:
@@ -249,6 +266,7 @@ _HANDLERS: dict[str, Callable[[TelemetryDecoder, Any, int], list[Sample]]] = {
     "EXTENDED_SYS_STATE": TelemetryDecoder._extended_state,
     "RC_CHANNELS": TelemetryDecoder._rc_channels,
     "TIMESYNC": TelemetryDecoder._timesync,
+    "SYSTEM_TIME": TelemetryDecoder._system_time,
     "COMMAND_ACK": TelemetryDecoder._command_ack,
 }
 
