@@ -48,10 +48,14 @@ class Consent:
             self.permission.end(Withheld.TAKEN_OVER)
         self.step(now_us)
 
+    def heard(self, now_us: int) -> bool:
+        """Whether the autopilot's heartbeat comes."""
+        return self._health.state("heartbeat", now_us) == "ok"
+
     def step(self, now_us: int) -> None:
         """Bring the permission up to the present moment."""
         v = self.vehicle
-        heard = self._health.state("heartbeat", now_us) == "ok"
+        heard = self.heard(now_us)
         radio = self._controls.radio(now_us)
         self.radio_lost = v.radio_lost or (self._switch.radio and radio is Position.UNCLEAR)
         self.permission.step(

@@ -1,7 +1,9 @@
 """The core: samples in, messages and requests out. Single-threaded, deterministic, without a clock of its own."""
 
+import math
 from dataclasses import dataclass, replace
 
+from companion.core.approach import Approach, Ordered
 from companion.core.attitude import BodyAttitude
 from companion.core.camera_times import CameraTimes
 from companion.core.frozen_camera import FrozenCamera
@@ -13,12 +15,13 @@ from companion.messages.conditions import Condition
 from companion.messages.events import event
 from companion.messages.messages import Message, estimate_message
 from companion.settings.settings import Settings
-from drivers.samples import Frame, Refusal, Sample
+from drivers.samples import Frame, Refusal, Sample, Velocity
 from landing.estimate import SurfaceEstimate
 from landing.ground.landing_area import LandingArea
 from landing.observation import Observation
 from landing.options import DecisionOptions, Options
 from landing.pipeline import SurfacePipeline
+from landing.rotations import euler_from_matrix
 from landing.vision.camera import CameraModel
 
 ATTITUDE_WITNESSES = 3
@@ -36,7 +39,7 @@ class Processed:
     estimate: SurfaceEstimate
 
 
-Output = Message | LandRequest | Processed
+Output = Message | LandRequest | Processed | Ordered
 
 
 def observation_of(ready: ReadyFrame) -> Observation:
@@ -96,6 +99,9 @@ class Core:
             LandingArea(camera, settings.decision, settings.tracking),
             self._pipeline.ground,
             by_pilot=by_pilot,
+            approach=None
+            if settings.landing.procedure == "land"
+            else lambda consent: Approach(settings, camera, self._pipeline.ground, consent),
         )
         self._health_period_us = round(settings.health.period_s * 1e6)
         self._health_due_us: int | None = None
@@ -103,6 +109,8 @@ class Core:
         self._attitude_known: bool | None = None
         self._attitude_streak = 0
         self._frame_number: int | None = None
+        self._seen: tuple[int, int] | None = None
+        """Time of the newest processed frame, and when it was processed."""
         self._times = CameraTimes(self._pipeline.time_offset, self._sync.offset_us * 1e-6)
 
     def set_enabled(self, enabled: bool) -> None:
@@ -139,6 +147,8 @@ class Core:
             self._process(frame, out)
         if isinstance(sample, Followed):
             out += self._judge.follow(sample, self._sync.now_us, self._sync.raw_us())
+        elif isinstance(sample, Velocity):
+            self._judge.locate(sample.position_ned, self._sync.now_us)
         self._tick(out)
         return out
 
@@ -208,7 +218,8 @@ class Core:
         out.append(estimate_message(estimate, ready.exposure_us, boot_s, self._calibrated))
         out.append(Processed(frame, estimate))
         out += self._ground.step(estimate, ready.exposure_us, boot_s)
-        out += self._judge.see(estimate, self._sync.now_us, ready.exposure_us)
+        self._seen = ready.time_us, self._sync.now_us
+        out += self._judge.see(estimate, self._sync.now_us, ready.exposure_us, _yaw(observation))
 
     def _watch_attitude(self, ready: ReadyFrame, out: list[Output]) -> None:
         """Tell when frames begin to lack an attitude, and when they have one again."""
@@ -262,6 +273,9 @@ class Core:
         now_us, period_us = self._sync.now_us, self._health_period_us
         if now_us == 0:
             return
+        if self._seen is not None:
+            time_us, seen_us = self._seen
+            out += self._judge.watch(now_us, self._sync.raw_us(), (time_us + now_us - seen_us) * 1e-6)
         if self._health_due_us is None:
             self._health_due_us = now_us + period_us
         if now_us < self._health_due_us:
@@ -287,6 +301,11 @@ class Core:
             out += self._times.step(now_us * 1e-6, self._frame_number, raw_us)
             clocks = Clocks(offset_s, clock.std_s, found.late_s, found.std_s, *self._times.readout)
         out.append(self._health.message(now_us, raw_us, clocks))
+
+
+def _yaw(observation: Observation) -> float:
+    attitude = observation.ned_from_body
+    return math.nan if attitude is None else euler_from_matrix(attitude)[2]
 
 
 def _words(name: str) -> str:

@@ -1,7 +1,12 @@
 """From estimates to the decision and, rarely, the request to land; and what became of that request."""
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import msgspec
+
+from companion.core.approach import Approach, Ordered
 from companion.core.command import Command, CommandChange, CommandState
 from companion.core.consent import Consent
 from companion.core.health import HealthMonitor
@@ -19,6 +24,7 @@ from drivers.samples import (
     SystemStatus,
 )
 from landing.decision.decision import Decider, GroundBelow, Verdict
+from landing.decision.orders import OrderKind, Vector
 from landing.decision.permission import Phase
 from landing.decision.withheld import Withheld
 from landing.estimate import SurfaceEstimate
@@ -57,7 +63,7 @@ class LandRequest:
     text: str
 
 
-Judgement = Decision | Event | LandRequest
+Judgement = Decision | Event | LandRequest | Ordered
 
 
 class Judge:
@@ -75,6 +81,7 @@ class Judge:
         ground: GroundBelow | None = None,
         *,
         by_pilot: bool = False,
+        approach: Callable[[Consent], Approach] | None = None,
     ) -> None:
         self._health = health
         self._decider = Decider(settings.decision, area, ground)
@@ -86,6 +93,7 @@ class Judge:
         self._told: Decision | None = None
         self._against: str | None = None if by_pilot else ""
         self._by_pilot = by_pilot
+        self._approach = None if approach is None else approach(self._consent)
 
     def set_decision(self, options: DecisionOptions, area: LandingArea | None) -> None:
         """Other limits from now on; the ground has to prove itself anew."""
@@ -102,8 +110,10 @@ class Judge:
         self._command.hold()
         self._consent.permission.end(Withheld.OWN_HOLD)
 
-    def see(self, estimate: SurfaceEstimate, now_us: int, time_unix_us: int) -> list[Judgement]:
-        """Take the next estimate."""
+    def see(
+        self, estimate: SurfaceEstimate, now_us: int, time_unix_us: int, yaw: float = math.nan
+    ) -> list[Judgement]:
+        """Take the next estimate; ``yaw`` in rad at its exposure."""
         out: list[Judgement] = []
         self._verdict = verdict = self._believed(self._decider.step(estimate))
         self._frame = estimate.frame
@@ -114,7 +124,40 @@ class Judge:
             text = f"surface {verdict.verdict}: {text}" if text else f"surface {verdict.verdict} for landing"
             details = {"verdict": verdict.verdict, "reasons": list(reasons)}
             out.append(event("decision_changed", estimate.frame, time_unix_us, text, details))
+        if self._approach is not None:
+            ordered = self._approach.see(estimate, yaw, now_us, time_unix_us, busy=self._landing)
+            out += self._obeyed(ordered, time_unix_us)
         return out + self.decide(now_us, time_unix_us, seen=estimate.flat)
+
+    def locate(self, position_ned: Vector, now_us: int) -> None:
+        """The autopilot's position, NED in m from an origin of its own."""
+        if self._approach is not None:
+            self._approach.locate(position_ned, now_us)
+
+    def watch(self, now_us: int, time_unix_us: int, time_s: float) -> list[Judgement]:
+        """Between frames: what ends the landing procedure ends it at once."""
+        if self._approach is None:
+            return []
+        ordered = self._approach.watch(self._frame, now_us, time_unix_us, time_s)
+        if not ordered:
+            return []
+        return self._obeyed(ordered, time_unix_us) + self.decide(now_us, time_unix_us)
+
+    def _obeyed(self, ordered: list[Event | Ordered], time_unix_us: int) -> list[Judgement]:
+        """The procedure's orders; its hand-over is a request to land as any other."""
+        out: list[Judgement] = []
+        for entry in ordered:
+            out.append(entry)
+            if isinstance(entry, Ordered) and entry.order.kind is OrderKind.LAND:
+                text = "the place below is fit for landing"
+                out += self._events_of(self._command.request(time_unix_us), text)
+                out.append(LandRequest(self._frame, time_unix_us, text))
+        return out
+
+    @property
+    def _landing(self) -> bool:
+        """Whether the autopilot lands at our request, under the permission that stood then."""
+        return self._command.busy and self._consent.permission.phase is Phase.USED
 
     def no_frames(self, now_us: int, time_unix_us: int) -> list[Judgement]:
         """The camera went silent: what was last seen says nothing of what is below now."""
@@ -171,7 +214,8 @@ class Judge:
         withheld = self._consent.objections(now_us, command_busy=self._command.busy)
         out += self._permission_change(time_unix_us)
         permitted = not withheld
-        if permitted and seen and self._verdict.verdict == "fit":
+        flown = self._approach is not None and self._approach.kind == "offboard"
+        if permitted and seen and self._verdict.verdict == "fit" and not flown:
             self._consent.permission.use()
             text = "the surface below is fit for landing"
             out += self._events_of(self._command.request(time_unix_us), text)
@@ -189,6 +233,7 @@ class Judge:
             requested=self._requested,
             command=self._command.state,
             command_code=self._command.code.value,
+            procedure=msgspec.UNSET if self._approach is None else self._approach.state or msgspec.UNSET,
         )
         last = self._told
         if always or last is None or _gist(decision) != _gist(last) or _due(decision, last):
@@ -225,7 +270,8 @@ class Judge:
 def _gist(decision: Decision) -> tuple[object, ...]:
     """What of a decision is told at once when it changes."""
     d = decision
-    return d.verdict, d.permitted, d.withheld, d.requested, d.command
+    procedure = () if isinstance(d.procedure, msgspec.UnsetType) else (d.procedure.state, d.procedure.code)
+    return d.verdict, d.permitted, d.withheld, d.requested, d.command, procedure
 
 
 def _due(decision: Decision, last: Decision) -> bool:

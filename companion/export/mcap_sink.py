@@ -5,6 +5,7 @@ from pathlib import Path
 
 import foxglove
 
+from companion.core.approach import Ordered
 from companion.core.core import LandRequest, Output, Processed
 from companion.errors import LandslopeError
 from companion.export.channels import VehicleChannels
@@ -63,7 +64,7 @@ class McapSink:
         match output:
             case Processed():
                 self._picture(output)
-            case LandRequest():
+            case LandRequest() | Ordered():
                 pass  # the decision and the event that belong to it are messages of their own
             case _:
                 self.estimates += isinstance(output, Estimate)

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Literal
 
 from companion.core.command import NAV_LAND
 from companion.core.core import LandRequest
+from drivers.autopilot.outcome import Outcome
 from drivers.errors import DriverError
 from drivers.events import DriverEvent
 from drivers.mavlink.link import Link
-from drivers.mavlink.outcome import Outcome
 from drivers.samples import CommandAnswer, Sample
 from drivers.system.host_clock import now_us
 
 if TYPE_CHECKING:
-    from drivers.mavlink.autopilot import Autopilot
+    from drivers.autopilot.autopilot import Autopilot
 
 log = logging.getLogger(__name__)
 
@@ -94,7 +94,7 @@ class Commander:
 
     def _run(self) -> None:
         # Here and not above: MAVSDK is slow to import, and nobody waits for it before there is a vehicle.
-        from drivers.mavlink.autopilot import Autopilot
+        from drivers.autopilot.autopilot import Autopilot
 
         self._autopilot = Autopilot(self._link)
         while not (self._stop.is_set() and self._orders.empty()):

@@ -8,6 +8,7 @@ from contextlib import ExitStack
 
 import msgspec
 
+from companion.core.approach import Ordered
 from companion.core.command import NAV_LAND
 from companion.core.core import LandRequest, Output, Processed
 from companion.core.landing_watch import LandingWatch
@@ -176,6 +177,8 @@ class Daemon:
     def _output(self, output: Output) -> None:
         if isinstance(output, LandRequest):
             self._request(output)
+        elif isinstance(output, Ordered):
+            pass
         elif isinstance(output, Processed):
             self._preview.put(output.frame, output.estimate, self._estimate_us)
             self.recording.processed(output)

@@ -8,6 +8,7 @@ import msgspec
 from companion.messages.conditions import Condition
 from companion.messages.fields import about, known
 from companion.messages.ground import Ground
+from landing.decision.orders import OrderKind, State, Why
 from landing.decision.withheld import Withheld
 from landing.estimate import SurfaceEstimate
 from landing.reasons import Code, Status, codes, in_words
@@ -61,6 +62,21 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     against_flat_codes: Annotated[tuple[str, ...], about("the same as codes", one_of=Code)] = ()
 
 
+class ProcedureState(msgspec.Struct, frozen=True, kw_only=True):
+    """The landing procedure, where ``landing.procedure`` is not "land"."""
+
+    kind: Annotated[str, about('"landing_target" or "offboard"')]
+    state: Annotated[str, about("its state", one_of=State)]
+    code: Annotated[str, about("why it is in that state", one_of=Why)]
+    text: Annotated[str, about("the same in words")]
+    order: Annotated[str, about("what is asked of the autopilot", one_of=OrderKind)]
+    velocity_ned: Annotated[
+        tuple[float, float, float] | None, about("the velocity asked for, north, east, down", "m/s")
+    ] = None
+    spot_north_m: Annotated[float | None, about("the chosen place, from the vehicle", "m")] = None
+    spot_east_m: Annotated[float | None, about("the chosen place, from the vehicle", "m")] = None
+
+
 class Decision(msgspec.Struct, frozen=True, kw_only=True):
     """What is made of the estimates: the verdict with hysteresis and dwell, and the permit."""
 
@@ -82,6 +98,10 @@ class Decision(msgspec.Struct, frozen=True, kw_only=True):
     command_code: Annotated[
         str, about('the command as a code: "none", "landing", "held", "failsafe", "taken_over" and so on')
     ] = "none"
+    procedure: Annotated[
+        ProcedureState | msgspec.UnsetType,
+        about('the landing procedure; absent with landing.procedure = "land"'),
+    ] = msgspec.UNSET
 
 
 class InputHealth(msgspec.Struct, frozen=True, kw_only=True):

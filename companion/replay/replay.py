@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import cv2
 
+from companion.core.approach import Ordered
 from companion.core.core import Core, LandRequest, Output, Processed
 from companion.errors import LandslopeError
 from companion.messages.messages import Decision, Message, topic_of
@@ -170,6 +171,8 @@ class _Run:
                         picture.requested(self.history.now_s)
                 if self._autopilot:
                     self._autopilot.request(output)
+            elif isinstance(output, Ordered):
+                pass  # what it would have asked for stands in the decision
             elif not isinstance(output, Processed):
                 self._message(output)
             elif self._preview:

@@ -19,6 +19,9 @@ class VehicleSettings:
     max_step_m: Annotated[
         float, Limits(0.01, 1, "m", "largest step within that disc that the vehicle can stand on")
     ] = 0.05
+    max_search_m: Annotated[
+        float, Limits(1, 50, "m", "how far from where it began the procedure searches for a place to land")
+    ] = 8.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -196,6 +196,25 @@ class LandingSettings:
     enabled: Annotated[bool, Meaning("allow landing requests from the start, without a pilot's switch")] = (
         False
     )
+    procedure: Annotated[
+        Literal["land", "landing_target", "offboard"],
+        Meaning(
+            "land: request the landing where it is; landing_target: and tell where to; offboard: fly there and descend"
+        ),
+    ] = "land"
+    takeover_modes: Annotated[
+        tuple[str, ...],
+        Meaning("flight modes in which landing.procedure = offboard may take over; empty: in none"),
+    ] = ()
+    descent_divergence: Annotated[
+        float, Limits(0.2, 0.35, "1/s", "sink over height while the procedure descends")
+    ] = 0.25
+    max_speed_m_s: Annotated[
+        float, Limits(0.3, 3, "m/s", "largest speed the procedure asks for, horizontally and vertically")
+    ] = 1.5
+    max_time_s: Annotated[
+        float, Limits(10, 600, "s", "time after which the procedure gives the vehicle back")
+    ] = 120.0
     allowed_modes: Annotated[tuple[str, ...], Meaning("flight modes in which a landing may be requested")] = (
         "GUIDED",
         "AUTO",

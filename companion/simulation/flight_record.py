@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from companion.core.approach import Ordered
 from companion.core.core import Output, Processed
 from companion.core.judge import LandRequest
 from companion.live.recording import flight_papers
@@ -49,7 +50,7 @@ class FlightRecord:
 
     def output(self, output: Output) -> None:
         """One output of the pipeline."""
-        if not isinstance(output, LandRequest | Processed):
+        if not isinstance(output, LandRequest | Processed | Ordered):
             self._recorder.message(topic_of(output), encode(output))
 
     def close(self, packets: list[tuple[int, bytes]]) -> Path:

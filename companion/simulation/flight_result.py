@@ -9,6 +9,7 @@ from companion.simulation.ground import Fitness, Patch
 from companion.simulation.scenario import Expectation
 from drivers.simulated.vehicle.vehicle import Multirotor, TouchDown
 from drivers.simulated.world.truth import FrameTruth
+from landing.decision.orders import Step
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +59,8 @@ class FlightResult:
     path: list[PathPoint] = field(default_factory=list)
     said_flat: list[tuple[float, bool]] = field(default_factory=list)
     """(time, whether the surface was said to be fit) at every estimate."""
+    steps: list[tuple[float, Step, tuple[float, float, float]]] = field(default_factory=list)
+    """What the landing procedure ordered: time, step, and the vehicle's true velocity NED then."""
     requests: list[Request] = field(default_factory=list)
     touch_down: TouchDown | None = None
     touch_ground: Patch | None = None

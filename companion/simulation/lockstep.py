@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 
 import cv2
 
+from companion.core.approach import Ordered
 from companion.core.core import Output, Processed
 from companion.core.judge import LandRequest
 from companion.live.live_pipeline import LivePipeline
@@ -31,6 +32,7 @@ from drivers.simulated.vehicle.autopilot_protocol import AutopilotProtocol
 from drivers.simulated.vehicle.flight_controller import FlightController
 from drivers.simulated.vehicle.sensors import Sensors
 from drivers.simulated.vehicle.telemetry_streams import TelemetryStreams
+from landing.decision.orders import OrderKind
 from landing.ground.landing_area import LandingArea
 
 EPOCH_US = 1_700_000_000_000_000
@@ -225,6 +227,8 @@ class _Flight:
             self._record.output(output)
         if isinstance(output, LandRequest):
             self._request(output)
+        elif isinstance(output, Ordered):
+            self._order(output)
         elif isinstance(output, Processed):
             pass
         else:
@@ -246,6 +250,17 @@ class _Flight:
             )
         )
         self._link.land(time_s)
+
+    def _order(self, ordered: Ordered) -> None:
+        """The procedure's orders reach the autopilot as the command to land does."""
+        time_s, order = self._scene.vehicle.time_s, ordered.order
+        self.result.steps.append((time_s, ordered.step, self._scene.vehicle.velocity))
+        if order.kind is OrderKind.START:
+            self._pilot.gave_away = True
+        elif order.kind is OrderKind.VELOCITY:
+            self._link.fly(time_s, order.velocity_ned)
+        elif order.kind is OrderKind.STOP:
+            self._link.hold(time_s)
 
     def _point(self) -> PathPoint:
         vehicle = self._scene.vehicle

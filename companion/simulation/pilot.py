@@ -35,6 +35,8 @@ class Pilot:
         self._enable_s = scenario.pilot.switch_on_s
         self._next_s = self._switch_s = 0.0
         self._legs_from_s: float | None = None
+        self.gave_away = False
+        """Whether the landing procedure has the setpoints: the pilot's program sends none any more."""
 
     @property
     def flying(self) -> bool:
@@ -59,7 +61,7 @@ class Pilot:
         if self._legs_from_s is None and not self._get_airborne(time_s):
             return
         leg = self._leg(time_s - (self._legs_from_s or 0.0))
-        if leg is not None:
+        if leg is not None and not self.gave_away:
             self._fly(leg)
 
     def _get_airborne(self, time_s: float) -> bool:

@@ -23,6 +23,9 @@ NO_ANSWER_S = 2.0
 """MAVSDK gives up this long after the command when nothing came, as measured."""
 NO_OUTCOME_S = 10.0
 """The same when the autopilot said IN_PROGRESS."""
+VELOCITY_ONLY = 0b110111000111
+"""Type mask of SET_POSITION_TARGET_LOCAL_NED: the velocity counts alone, so the heading is held."""
+BRAKE = 17
 OWN_SYSTEM, OWN_COMPONENT = 1, 191
 
 
@@ -75,6 +78,26 @@ class VirtualLink:
         """Send MAV_CMD_NAV_LAND."""
         self._command_s, self._in_progress = time_s, False
         self._send(mavlink.MAVLink_command_long_message(1, 1, NAV_LAND, 0, 0, 0, 0, 0, 0, 0, 0), time_s)
+
+    def fly(self, time_s: float, velocity_ned: tuple[float, float, float]) -> None:
+        """Send a velocity (NED, m/s), the heading held."""
+        north, east, down = velocity_ned
+        self._send(
+            mavlink.MAVLink_set_position_target_local_ned_message(
+                0, 1, 1, mavlink.MAV_FRAME_LOCAL_NED, VELOCITY_ONLY, 0, 0, 0, north, east, down, 0, 0, 0, 0, 0
+            ),
+            time_s,
+        )
+
+    def hold(self, time_s: float) -> None:
+        """Ask for the mode BRAKE, as MAVSDK's Offboard.stop does with an ArduCopter."""
+        custom = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        self._send(
+            mavlink.MAVLink_command_long_message(
+                1, 1, mavlink.MAV_CMD_DO_SET_MODE, 0, custom, BRAKE, 0, 0, 0, 0, 0
+            ),
+            time_s,
+        )
 
     def reboot(self, time_s: float, down_s: float) -> None:
         """The autopilot falls silent and counts from zero afterwards."""

@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from drivers.events import DriverEvent
 from drivers.mavlink import identity
+from drivers.mavlink.command_gate import CommandGate
 from drivers.mavlink.endpoint import Endpoint
 from drivers.mavlink.forward import Forwarder
 from drivers.mavlink.framing import Garbage, WireFrame
@@ -67,6 +68,8 @@ class Link:
     ) -> None:
         self.options = options
         self.counters: Counter[str] = Counter()
+        self.gate = CommandGate()
+        """What MAVSDK may make of the vehicle."""
         self.rates = MessageRates({})
         self.raw_out: Callable[[bytes], None] | None = None
         self.may_beat: Callable[[], bool] = lambda: True
@@ -117,6 +120,11 @@ class Link:
         return self._identity.system_id if self.vehicle_found.is_set() else None
 
     @property
+    def autopilot(self) -> str | None:
+        """The vehicle's autopilot by name ("ardupilot", "px4"); None before its first heartbeat."""
+        return self._autopilot
+
+    @property
     def ambiguous(self) -> bool:
         """Whether a second vehicle was heard although the settings name none: nothing may be commanded."""
         return self._identity.ambiguous
@@ -132,12 +140,14 @@ class Link:
         return system is not None and self._write(self._sealer.pack(message, system))
 
     def send_raw(self, data: bytes) -> None:
-        """Send what MAVSDK wrote; its heartbeats only while they may go out."""
+        """Send what MAVSDK wrote; heartbeats only while they may go out, setpoints and commands past the gate."""
         for frame, sealed in self._sealer.take_over(data):
             if self._rates_owner.takes(frame, self.rates.wanted_hz):
                 self.counters["rate requests of MAVSDK answered"] += 1
             elif frame.message_id == HEARTBEAT_ID and not self.may_beat():
                 self.counters["heartbeats withheld"] += 1
+            elif refusal := self.gate.refusal(frame):
+                self.counters[f"orders withheld: {refusal}"] += 1
             else:
                 self._write(sealed)
 
@@ -255,6 +265,7 @@ class Link:
         )
 
     def _watch(self, sample: Sample, now_us: int) -> None:
+        self.gate.saw(sample)
         if isinstance(sample, Heartbeat):
             self._port.believe(self._identity.sender)
             if sample.autopilot != self._autopilot:
@@ -292,7 +303,7 @@ class Link:
                 for answer in self._rates_owner.answers(self.system_id, self.options.autopilot_component):
                     self.raw_out(answer)
             for request in self.rates.due(now_us):
-                self.send(self._interval_command(request.message_id, request.interval_us))
+                self.send(request.command(self.system_id, self.options.autopilot_component))
             self._tell_slow(now_us)
             ts1_ns = self._timesync.due(host_now_us())
             if ts1_ns is not None:
@@ -302,21 +313,6 @@ class Link:
         """Over UDP and through routers the vehicle speaks only to those who spoke first."""
         system = self.options.system_id or DEFAULT_SYSTEM_ID
         self._write(self._sealer.pack(dialect.MAVLink_timesync_message(0, now_us * 1000), system))
-
-    def _interval_command(self, message_id: int, interval_us: int) -> Any:
-        return dialect.MAVLink_command_long_message(
-            self.system_id,
-            self.options.autopilot_component,
-            dialect.MAV_CMD_SET_MESSAGE_INTERVAL,
-            0,
-            message_id,
-            interval_us,
-            0,
-            0,
-            0,
-            0,
-            0,
-        )
 
     @property
     def slow(self) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -30,6 +31,13 @@ class RateRequest:
     name: str
     message_id: int
     interval_us: int
+
+    def command(self, system: int | None, component: int) -> Any:
+        """The COMMAND_LONG to that component."""
+        interval = dialect.MAV_CMD_SET_MESSAGE_INTERVAL
+        return dialect.MAVLink_command_long_message(
+            system, component, interval, 0, self.message_id, self.interval_us, 0, 0, 0, 0, 0
+        )
 
 
 @dataclass(slots=True)

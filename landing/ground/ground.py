@@ -41,6 +41,18 @@ class GroundReport:
 
 
 @dataclass(frozen=True, slots=True)
+class Sight:
+    """The vehicle over the ground: its place in the map's axes (north, east, down), velocity NED by the view (by the
+    autopilot where the view has none), height with its standard deviation, and sink over height (1/s)."""
+
+    place_ned: tuple[float, float, float]
+    velocity_ned: tuple[float, float, float] | None
+    height_m: float
+    height_std_m: float
+    approach: float
+
+
+@dataclass(frozen=True, slots=True)
 class MapView:
     """The known part of the map: ``height_m`` (rows, columns), NaN where unknown, and ``state`` (rows, columns):
     0 unknown, 1 measured, 2 measured with a landable disc about it, 3 looks disagree. The corner is north and east."""
@@ -63,6 +75,9 @@ class Ground:
         self._velocity: Array | None = None
         self._velocity_std = math.nan
         self._tilt_std_deg = math.nan
+        self._approach = math.nan
+        self._moved: Array | None = None
+        self._level = math.nan
 
     def step(self, views: Views, plane: Plane, observation: Observation, estimate: SurfaceEstimate) -> None:
         """Take the frame that ``views`` and ``plane`` are of; ``estimate`` has its height."""
@@ -81,9 +96,16 @@ class Ground:
         distance_m = self.scale.distance_m * length
         self._velocity, self._velocity_std = observation.velocity_ned, observation.velocity_std
         self._tilt_std_deg = estimate.inclination_std_deg
+        self._approach = approach / length if known else math.nan
+        # the way down to the plane straight below, over the distance along its normal
+        self._level = math.nan
+        if ned_from_camera is not None:
+            self._level = length / abs(float((ned_from_camera @ normal)[2]))
+        self._moved = None
         way = None
         if known and math.isfinite(distance_m) and ned_from_camera is not None:
             way = ned_from_camera @ plane.omega * (distance_m * interval_s)
+            self._moved = ned_from_camera @ plane.omega * distance_m
         elif observation.velocity_ned is not None:
             way = observation.velocity_ned * interval_s
         self.map.move(observation.time_s, way if math.isfinite(interval_s) else np.zeros(3))
@@ -151,6 +173,26 @@ class Ground:
         discs = self._discs(inside)
         below = discs.at(*self.map.cell_of(*places[0].tolist()))
         return below, _NO_STOP if way is None else discs.along(self.map, way)
+
+    def spots(self) -> tuple[Spot, ...]:
+        """Landable discs, best first, from the vehicle."""
+        return self._discs().spots(self.map, 0.0)
+
+    def at(self, north_m: float, east_m: float) -> Disc:
+        """The disc about a place in the map's axes."""
+        row, column = self.map.cell_of(north_m, east_m)
+        if not (0 <= row < CELLS and 0 <= column < CELLS):
+            return Disc(UNKNOWN, (GroundCode.NOT_SEEN,))
+        return self._discs(np.array([row * CELLS + column], np.intp)).at(row, column)
+
+    @property
+    def sight(self) -> Sight:
+        """The vehicle over the ground at the newest frame."""
+        north, east, up = self.map.place.tolist()
+        moved = self._velocity if self._moved is None else self._moved
+        velocity = None if moved is None else (float(moved[0]), float(moved[1]), float(moved[2]))
+        height = self.scale.distance_m * self._level
+        return Sight((north, east, -up), velocity, height, height * self.scale.relative_std, self._approach)
 
     def _discs(self, cells: NDArray[np.intp] | None = None) -> Discs:
         return Discs(self.map, self.options, self._tilt_std_deg, self.scale.relative_std, cells)

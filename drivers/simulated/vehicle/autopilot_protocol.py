@@ -11,7 +11,8 @@ from typing import Any, Literal, get_args
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from drivers.errors import DriverError
-from drivers.simulated.vehicle.flight_controller import MODE_NAMES, FlightController
+from drivers.simulated.vehicle.firmware import MODE_NAMES
+from drivers.simulated.vehicle.flight_controller import FlightController
 from drivers.simulated.vehicle.quaternion import Vector
 from drivers.simulated.vehicle.telemetry_streams import DEFAULT_RATES_HZ, TelemetryStreams
 
@@ -66,14 +67,8 @@ class AutopilotProtocol:
     progress_s: float = 0.5
     """Between IN_PROGRESS and the answer that follows it."""
     commands: list[ReceivedCommand] = field(default_factory=list)
-    parameters: dict[str, float] = field(
-        default_factory=lambda: {
-            "SYSID_THISMAV": 1.0,
-            "FRAME_CLASS": 1.0,
-            "LAND_SPEED": 50.0,
-            "WPNAV_SPEED": 500.0,
-        }
-    )
+    setpoints: list[tuple[float, str, Vector]] = field(default_factory=list)
+    """Velocities received: simulated time, flight mode at that moment, velocity (NED)."""
     _answers: dict[int, Answer] = field(default_factory=dict)
 
     def set_answer(self, command: int, answer: Answer) -> None:
@@ -139,7 +134,8 @@ class AutopilotProtocol:
         if command == mavlink.MAV_CMD_DO_SET_MODE:
             if c.firmware.px4:
                 name = c.firmware.mode_named(int(p[1]), 0 if math.isnan(p[2]) else int(p[2]))
-                return _result(name is not None and c.set_mode(name)), []
+                done = name is not None and c.set_mode(name)
+                return ACCEPTED if done else mavlink.MAV_RESULT_TEMPORARILY_REJECTED, []
             return _result(self._switch(int(p[1]))), []
         if command == mavlink.MAV_CMD_NAV_TAKEOFF:
             return _result(c.take_off(p[6])), []
@@ -236,6 +232,7 @@ class AutopilotProtocol:
             if all(map(math.isfinite, position)):
                 self.controller.go_to(position, heading)
         elif mask & 0b111000 == 0 and all(map(math.isfinite, velocity)):
+            self.setpoints.append((self.controller.vehicle.time_s, self.controller.mode, velocity))
             self.controller.fly(velocity, heading, turn)
 
     def _turned(self, v: Vector) -> Vector:
@@ -270,30 +267,23 @@ class AutopilotProtocol:
             self.streams.set_rate(message_id, float(m.req_message_rate) if m.start_stop else 0.0)
         return []
 
-    def _param(self, name: str) -> Any:
-        names = list(self.parameters)
-        return mavlink.MAVLink_param_value_message(
-            name.encode(),
-            self.parameters[name],
-            mavlink.MAV_PARAM_TYPE_REAL32,
-            len(names),
-            names.index(name),
-        )
+    @property
+    def parameters(self) -> dict[str, float]:
+        """By name; those of both firmwares."""
+        return self.controller.parameters.values
 
     def _param_list(self, m: Any, time_s: float) -> Replies:
-        return [(0.005 * i, self._param(name)) for i, name in enumerate(self.parameters)]
+        return self.controller.parameters.all(self.controller.firmware.px4)
 
     def _param_read(self, m: Any, time_s: float) -> Replies:
-        names = list(self.parameters)
-        name = names[m.param_index] if 0 <= m.param_index < len(names) else _text(m.param_id)
-        return [(0.0, self._param(name))] if name in self.parameters else []
+        return self.controller.parameters.read(m, self.controller.firmware.px4)
 
     def _param_set(self, m: Any, time_s: float) -> Replies:
-        name = _text(m.param_id)
-        if name not in self.parameters:
-            return []
-        self.parameters[name] = m.param_value
-        return [(0.0, self._param(name))]
+        return self.controller.parameters.set(m, self.controller.firmware.px4)
+
+    def _landing_target(self, m: Any, time_s: float) -> Replies:
+        self.controller.landing_target(m)
+        return []
 
     def _mission_list(self, m: Any, time_s: float) -> Replies:
         source = (m.get_srcSystem(), m.get_srcComponent())
@@ -302,10 +292,6 @@ class AutopilotProtocol:
 
 def _result(done: bool) -> int:
     return ACCEPTED if done else FAILED
-
-
-def _text(value: str | bytes) -> str:
-    return (value.decode("ascii", "replace") if isinstance(value, bytes) else value).rstrip("\0")
 
 
 _STREAMS = {
@@ -330,6 +316,7 @@ _HANDLERS: dict[str, Callable[[AutopilotProtocol, Any, float], Replies]] = {
     "SET_POSITION_TARGET_LOCAL_NED": AutopilotProtocol._target_local,
     "SET_POSITION_TARGET_GLOBAL_INT": AutopilotProtocol._target_global,
     "SET_ATTITUDE_TARGET": AutopilotProtocol._target_attitude,
+    "LANDING_TARGET": AutopilotProtocol._landing_target,
     "RC_CHANNELS_OVERRIDE": AutopilotProtocol._rc_override,
     "TIMESYNC": AutopilotProtocol._timesync,
     "REQUEST_DATA_STREAM": AutopilotProtocol._data_stream,

@@ -4,14 +4,32 @@ Each behaviour was observed on the real one in simulation (ArduCopter 4.7-dev, P
 docs/simulation.md.
 """
 
+import math
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from drivers.simulated.vehicle.parameters import Parameters
+
 Kind = Literal["ardupilot", "px4"]
 Radio = Literal["ok", "lost", "none"]
 
+MODES = {
+    "STABILIZE": 0,
+    "ALT_HOLD": 2,
+    "AUTO": 3,
+    "GUIDED": 4,
+    "LOITER": 5,
+    "RTL": 6,
+    "LAND": 9,
+    "POSHOLD": 16,
+    "BRAKE": 17,
+}
+"""Flight mode -> ArduCopter's custom_mode."""
+MODE_NAMES = {number: name for name, number in MODES.items()}
+MODES["PRECLAND"] = 0
+"""PX4's alone."""
 PX4_MODES = {
     "STABILIZE": (7, 0),
     "ALT_HOLD": (2, 0),
@@ -22,9 +40,13 @@ PX4_MODES = {
     "RTL": (4, 5),
     "LAND": (4, 6),
     "BRAKE": (4, 3),
+    "PRECLAND": (4, 9),
 }
 """Our flight mode -> PX4's main and sub mode: LOITER is flown as POSCTL, GUIDED as OFFBOARD, BRAKE as HOLD."""
-AUTOMATIC = ("LAND", "RTL", "BRAKE", "AUTO")
+AUTOMATIC = ("LAND", "RTL", "BRAKE", "AUTO", "PRECLAND")
+BY_STICKS = ("STABILIZE", "ALT_HOLD", "LOITER", "POSHOLD")
+OFFBOARD_LOST = {0: "LOITER", 1: "ALT_HOLD", 2: "STABILIZE", 3: "RTL", 4: "LAND", 5: "BRAKE"}
+"""COM_OBL_RC_ACT -> our mode; one that is flown with sticks becomes the return where none are heard."""
 STICK_MOVED_US = 150
 FAILSAFE_HOLD_S = 5.0
 """PX4 holds for so long before its failsafe goes on to the return (COM_FAIL_ACT_T)."""
@@ -37,6 +59,7 @@ class Controlled(Protocol):
     armed: bool
     pulse_us: list[int]
     texts: list[tuple[int, str]]
+    parameters: Parameters
 
     def set_mode(self, name: str) -> bool:
         """Switch the flight mode."""
@@ -58,6 +81,10 @@ class Firmware:
     """The mode that the pilot chose last; PX4 goes back to it when it disarms after a landing."""
     _held_us: list[int] = field(default_factory=list)
     _sticks_us: list[int] = field(default_factory=list)
+    setpoint_age_s: float = math.inf
+    """Since the last setpoint came, in whatever mode."""
+    refused: tuple[str, ...] = ()
+    """PX4: modes that its checks do not allow now, by our names."""
     _hold_left_s: float | None = None
     _critical_in_s: float | None = None
 
@@ -119,16 +146,30 @@ class Firmware:
         c.set_mode("BRAKE")
         self._hold_left_s = FAILSAFE_HOLD_S
 
+    def takes(self, mode: str, parameters: dict[str, float]) -> bool:
+        """PX4: OFFBOARD needs setpoints that come, and modes flown with sticks need sticks (both observed)."""
+        if not self.px4:
+            return mode != "PRECLAND"
+        if mode == "GUIDED" and self.setpoint_age_s > parameters["COM_OF_LOSS_T"]:
+            return False
+        return mode not in self.refused and not (mode in BY_STICKS and self.radio == "lost")
+
+    def lose_offboard(self, c: Controlled, parameters: dict[str, float]) -> None:
+        """PX4: setpoints stopped in OFFBOARD (Failsafe::checkModeFallback of its commander): CRITICAL, another mode."""
+        mode = OFFBOARD_LOST.get(int(parameters["COM_OBL_RC_ACT"]), "LOITER")
+        self.critical = True
+        c.set_mode("RTL" if mode in BY_STICKS and self.radio == "lost" else mode)
+
     def land(self, c: Controlled) -> bool:
         """MAV_CMD_NAV_LAND. PX4 accepts it in a failsafe too, whose return then never comes (observed)."""
         self._hold_left_s = None
         if self.px4:
             self.critical = False
-        self._sticks_us = list(c.pulse_us[:4])
         return c.set_mode("LAND")
 
     def step(self, c: Controlled, dt: float) -> None:
         """What the autopilot does by itself: failsafes go on, sticks take over, a landing ends."""
+        self.setpoint_age_s += dt
         if c.mode not in AUTOMATIC:
             self.chosen = c.mode
         if self._critical_in_s is not None:
@@ -140,16 +181,32 @@ class Firmware:
             if self._hold_left_s <= 0.0:
                 self._hold_left_s = None
                 c.set_mode("RTL")
-        if self.px4 and c.mode == "LAND":
-            self._leave_landing(c)
+        if self.px4:
+            self._px4_alone(c)
 
-    def _leave_landing(self, c: Controlled) -> None:
-        """PX4: sticks lead from LAND to POSCTL (COM_RC_OVERRIDE), disarming to the mode before."""
-        if not c.armed:
-            c.set_mode(self.chosen or "LOITER")
-        elif any(
-            abs(now - then) > STICK_MOVED_US
-            for now, then in zip(c.pulse_us[:4], self._sticks_us, strict=False)
-        ):
+    def _px4_alone(self, c: Controlled) -> None:
+        """PX4: a landing ends in the mode before, setpoints stop, sticks lead to POSCTL (COM_RC_OVERRIDE)."""
+        values = c.parameters.values
+        override = int(values["COM_RC_OVERRIDE"])
+        if c.mode in ("LAND", "PRECLAND"):
+            if not c.armed:
+                c.set_mode(self.chosen or "LOITER")
+            elif override & 1:
+                self._leave_by_sticks(c)
+        elif c.mode == "GUIDED" and c.armed:
+            if override & 2:
+                self._leave_by_sticks(c)
+            if c.mode == "GUIDED" and self.setpoint_age_s > values["COM_OF_LOSS_T"]:
+                self.lose_offboard(c, values)
+
+    def _leave_by_sticks(self, c: Controlled) -> None:
+        moved = (abs(now - then) for now, then in zip(c.pulse_us[:4], self._sticks_us, strict=False))
+        if max(moved, default=0) > STICK_MOVED_US:
             c.texts.append((6, "Pilot took over using sticks"))
             c.set_mode("LOITER")
+
+    def entered(self, c: Controlled) -> None:
+        """A mode began: sticks are compared with where they were then."""
+        self._sticks_us = list(c.pulse_us[:4])
+        if c.mode == "GUIDED":
+            self.critical = self.critical and not self.px4

@@ -5,27 +5,17 @@ Numbers and behaviour are ArduCopter's. No sockets, no clock: ``step`` is called
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 from drivers.errors import DriverError
 from drivers.samples import GRAVITY
-from drivers.simulated.vehicle.firmware import Firmware
+from drivers.simulated.vehicle.firmware import MODES, Firmware
+from drivers.simulated.vehicle.parameters import Parameters
+from drivers.simulated.vehicle.precision_landing import PrecisionLanding
 from drivers.simulated.vehicle.quaternion import Quaternion, Vector, from_euler
 from drivers.simulated.vehicle.vehicle import AttitudeCommand, Multirotor
 from drivers.simulated.vehicle.velocity_loop import FlightGains, VelocityLoop
 
-MODES = {
-    "STABILIZE": 0,
-    "ALT_HOLD": 2,
-    "AUTO": 3,
-    "GUIDED": 4,
-    "LOITER": 5,
-    "RTL": 6,
-    "LAND": 9,
-    "POSHOLD": 16,
-    "BRAKE": 17,
-}
-"""Flight mode -> ArduCopter's custom_mode."""
-MODE_NAMES = {number: name for name, number in MODES.items()}
 NOT_ARMABLE = ("AUTO", "RTL", "LAND", "BRAKE")
 STICK_MIDDLE_US, STICK_SPAN_US, STICK_DEAD = 1500, 400, 0.05
 
@@ -37,6 +27,7 @@ class FlightController:
     vehicle: Multirotor
     gains: FlightGains = field(default_factory=FlightGains)
     firmware: Firmware = field(default_factory=Firmware)
+    parameters: Parameters = field(default_factory=Parameters)
     mode: str = "STABILIZE"
     armed: bool = False
     pulse_us: list[int] = field(default_factory=lambda: [1500, 1500, 1000, 1500] + [1000] * 4 + [0] * 10)
@@ -56,9 +47,11 @@ class FlightController:
     _yaw_rate: float | None = None
     _idle_s: float = 0.0
     _loop: VelocityLoop = field(init=False)
+    _precision: PrecisionLanding = field(init=False)
 
     def __post_init__(self) -> None:
         self._loop = VelocityLoop(self.vehicle, self.gains)
+        self._precision = PrecisionLanding(self.parameters.values, self.texts)
         self.home = self.vehicle.position
         self._yaw = self.vehicle.euler[2]
 
@@ -71,10 +64,19 @@ class FlightController:
         if name == "AUTO":
             self.texts.append((2, "Mode change to AUTO failed: no mission"))
             return False
+        if not self.firmware.takes(name, self.parameters.values):
+            self.texts.append((4, f"Switching to {name} is not available"))
+            return False
         if name != self.mode:
             self.mode = name
             self._hold_here()
+            self.firmware.entered(self)
+            self._precision.begin(self.vehicle)
         return True
+
+    def landing_target(self, m: Any) -> None:
+        """A LANDING_TARGET message."""
+        self._precision.take(m, self.firmware.px4, self.vehicle)
 
     def arm(self, forced: bool = False) -> bool:
         """Start the motors; False when it may not."""
@@ -119,6 +121,7 @@ class FlightController:
 
     def go_to(self, position: Vector, yaw: float | None = None) -> bool:
         """Fly to a place (NED) and hold it; GUIDED, in the air."""
+        self.firmware.setpoint_age_s = 0.0
         if not self._guidable():
             return False
         self._guide("position")
@@ -127,7 +130,8 @@ class FlightController:
         return True
 
     def fly(self, velocity: Vector, yaw: float | None = None, yaw_rate: float | None = None) -> bool:
-        """Fly with a velocity (NED) until told otherwise or ``setpoint_timeout_s`` have passed; GUIDED, in the air."""
+        """Fly with a velocity (NED) until told otherwise or GUID_TIMEOUT has passed; GUIDED, in the air."""
+        self.firmware.setpoint_age_s = 0.0
         if not self._guidable():
             return False
         self._guide("velocity")
@@ -149,7 +153,7 @@ class FlightController:
         """As EXTENDED_SYS_STATE names it: "on_ground", "in_air", "takeoff" or "landing"."""
         if self.vehicle.on_ground:
             return "on_ground"
-        if self.mode == "LAND":
+        if self.mode in ("LAND", "PRECLAND"):
             return "landing"
         return "takeoff" if self.mode == "GUIDED" and self._kind == "takeoff" else "in_air"
 
@@ -158,6 +162,7 @@ class FlightController:
     def step(self, dt: float) -> AttitudeCommand:
         """The command to the airframe for the next ``dt`` seconds."""
         self.firmware.step(self, dt)
+        self._precision.step(self.vehicle)
         if not self.armed:
             return AttitudeCommand(self.vehicle.attitude, 0.0)
         self._disarm_when_idle(dt)
@@ -175,15 +180,8 @@ class FlightController:
     def _wanted_velocity(self, dt: float) -> Vector | None:
         """Velocity NED that the mode asks for; None: stay on the ground with idle motors."""
         v = self.vehicle
-        if self.mode == "LAND":
-            sink = self.gains.land_speed
-            if self.home[2] - v.position[2] > self.gains.land_slow_below_m:
-                sink = self.gains.land_speed_high
-            if v.on_ground:
-                return None
-            self._target = (self._target[0], self._target[1], v.position[2])
-            n, e, _ = self._towards(self._target)
-            return (n, e, sink)
+        if self.mode in ("LAND", "PRECLAND"):
+            return None if v.on_ground else self._land()
         if self.mode == "RTL":
             return self._return_home()
         if self.mode in ("LOITER", "POSHOLD"):
@@ -193,6 +191,21 @@ class FlightController:
                 return None
             return self._towards(self._target) if self._slow() else self._follow((0.0, 0.0, 0.0))
         return self._guided(dt)
+
+    def _land(self) -> Vector:
+        """Down where the mode began, or where LANDING_TARGET says."""
+        v = self.vehicle
+        high = self.home[2] - v.position[2] > self.gains.land_slow_below_m
+        sink = self.gains.land_speed_high if high else self.gains.land_speed
+        if self.mode == "PRECLAND":
+            self._target, sinks = self._precision.precland(v)
+            n, e, d = self._towards(self._target)
+            return (n, e, sink if sinks else d)
+        place, sinks = (None, True) if self.firmware.px4 else self._precision.land(v)
+        north, east = place or self._target[:2]
+        self._target = (north, east, v.position[2])
+        n, e, _ = self._towards(self._target)
+        return (n, e, sink if sinks else 0.0)
 
     def _guided(self, dt: float) -> Vector | None:
         v = self.vehicle
@@ -205,7 +218,7 @@ class FlightController:
             return (n, e, min(d, -0.3)) if self._kind == "takeoff" else (n, e, d)
         if self._kind == "velocity":
             self._target_age_s += dt
-            if self._target_age_s <= self.gains.setpoint_timeout_s:
+            if self.firmware.px4 or self._target_age_s <= self._timeout_s:
                 self._turn(dt)
                 return self._follow(self._target_velocity)
             if not self._slow():
@@ -213,13 +226,18 @@ class FlightController:
             self._hold_here()
         if self._kind == "attitude":
             self._target_age_s += dt
-            if self._target_age_s <= self.gains.setpoint_timeout_s:
+            if self._target_age_s <= self._timeout_s:
                 self._follow(v.velocity)
                 return (0.0, 0.0, -self._target_climb)
             self._hold_here()
         if self._kind == "hold" and not self._slow():
             return self._follow((0.0, 0.0, 0.0))
         return self._towards(self._target)
+
+    @property
+    def _timeout_s(self) -> float:
+        """ArduCopter stops so long after the last velocity, and stays in GUIDED (measured; mode_guided.cpp)."""
+        return max(self.parameters.values["GUID_TIMEOUT"], 0.1)
 
     def _return_home(self) -> Vector | None:
         v, home = self.vehicle, self.home

@@ -9,7 +9,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from drivers.mavlink.current_mode import CURRENT_MODE_ID, CurrentModeMessage
 from drivers.samples import GRAVITY
-from drivers.simulated.vehicle.flight_controller import MODES, FlightController
+from drivers.simulated.vehicle.firmware import MODES
+from drivers.simulated.vehicle.flight_controller import FlightController
 from drivers.simulated.vehicle.quaternion import to_euler
 from drivers.simulated.vehicle.sensors import Sensors
 
@@ -75,6 +76,7 @@ class TelemetryStreams:
     """Simulated time minus the time since boot: what a message's time_boot_ms counts from."""
     rates_hz: dict[int, float] = field(default_factory=lambda: dict(DEFAULT_RATES_HZ))
     _due_s: dict[int, float] = field(default_factory=dict)
+    _mode: str = ""
 
     def since_boot_s(self, time_s: float) -> float:
         """Seconds since the autopilot booted."""
@@ -96,6 +98,11 @@ class TelemetryStreams:
     def due(self, time_s: float) -> list[Any]:
         """The messages whose time has come."""
         messages = []
+        if self.controller.mode != self._mode and not self.controller.firmware.px4:
+            self._due_s[mavlink.MAVLINK_MSG_ID_HEARTBEAT] = (
+                time_s  # set_mode of ArduPilot's vehicles ends with one
+            )
+        self._mode = self.controller.mode
         for message_id, rate in self.rates_hz.items():
             due = self._due_s.get(message_id, time_s)
             if time_s + 1e-9 < due:

@@ -30,8 +30,6 @@ class FlightGains:
     """Above ``land_slow_below_m`` over home."""
     land_slow_below_m: float = 10.0
     rtl_altitude_m: float = 15.0
-    setpoint_timeout_s: float = 3.0
-    """After the last velocity in GUIDED the vehicle stops."""
     disarm_delay_s: float = 10.0
     landed_disarm_s: float = 1.0
 

@@ -18,9 +18,8 @@ UP = np.array([0.0, 0.0, -1.0])
 def _axes(bearing_deg: float) -> tuple[Array, Array]:
     """Unit vectors forward along a bearing and to its right, NED."""
     angle = math.radians(bearing_deg)
-    return np.array([math.cos(angle), math.sin(angle), 0.0]), np.array(
-        [-math.sin(angle), math.cos(angle), 0.0]
-    )
+    cos, sin = math.cos(angle), math.sin(angle)
+    return np.array([cos, sin, 0.0]), np.array([-sin, cos, 0.0])
 
 
 def _point(north: float, east: float, height: float) -> Array:
@@ -193,8 +192,14 @@ def rubble(
     tilt_deg: float = 15.0,
     material: str = "concrete",
     texture_m: float = 1.0,
+    clear_m: float = 0.0,
+    clear_north: float = 0.0,
+    clear_east: float = 0.0,
 ) -> list[Facet]:
-    """Boxes of random size, place, yaw and tilt on ground of height ``ground``, in a rectangle about a place."""
+    """Boxes of random size, place, yaw and tilt on ground of height ``ground``, in a rectangle about a place.
+
+    A circle of the diameter ``clear_m`` about another place is left free.
+    """
     rng = np.random.default_rng(seed)
     facets = []
     for _ in range(count):
@@ -202,16 +207,21 @@ def rubble(
         tilt = rng.uniform(0, tilt_deg)
         # The tilted top must stay over the ground on its low side.
         tilt = min(tilt, math.degrees(math.atan(0.9 * sides[2] / (0.5 * math.hypot(sides[0], sides[1])))))
+        at = north + rng.uniform(-0.5, 0.5) * length, east + rng.uniform(-0.5, 0.5) * width
+        yaw_deg, bearing_deg = rng.uniform(0, 360), rng.uniform(0, 360)
+        free_m = math.dist(at, (clear_north, clear_east)) - math.hypot(sides[0], sides[1]) / 2
+        if 0 < clear_m > 2 * free_m:
+            continue
         facets += box(
-            north=north + rng.uniform(-0.5, 0.5) * length,
-            east=east + rng.uniform(-0.5, 0.5) * width,
+            north=at[0],
+            east=at[1],
             length=sides[0],
             width=sides[1],
             top=ground + sides[2],
             base=ground,
-            yaw_deg=rng.uniform(0, 360),
+            yaw_deg=yaw_deg,
             tilt_deg=tilt,
-            tilt_bearing_deg=rng.uniform(0, 360),
+            tilt_bearing_deg=bearing_deg,
             material=material,
             texture_m=texture_m,
         )

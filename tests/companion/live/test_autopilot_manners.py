@@ -149,7 +149,7 @@ def test_px4_a_takeover_by_sticks_into_the_enabling_mode_is_followed_by_silence(
 
 
 def test_px4_in_a_failsafe_nothing_is_landed_and_its_return_comes(fly) -> None:
-    flight = fly(Firmware("px4"), "GUIDED", enable_rc_channel=SWITCH)
+    flight = fly(Firmware("px4"), "LOITER", enable_rc_channel=SWITCH)
     with flight.autopilot.lock:
         flight.controller.firmware.lose_ground_station(flight.controller)
     flight.wait(lambda: "failsafe_now" in flight.codes, "failsafe")
@@ -179,7 +179,7 @@ def test_ardupilot_a_lost_radio_ends_the_permission_though_its_channels_go_on(fl
 )
 def test_what_does_not_hover_is_not_landed(fly, vehicle_type: int, vtol_state: int, code: str) -> None:
     firmware = Firmware("px4", vehicle_type=vehicle_type, vtol_state=vtol_state)
-    flight = fly(firmware, "GUIDED", enabled=True)
+    flight = fly(firmware, "LOITER", enabled=True)
     flight.wait(lambda: code in flight.codes, "objection")
     flight.silent()
 

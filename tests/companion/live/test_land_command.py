@@ -7,7 +7,7 @@ import pytest
 import vehicle_support as vs
 from vehicle_support import TestVehicle, free_udp_port
 
-from drivers.mavlink.autopilot import Autopilot
+from drivers.autopilot.autopilot import Autopilot
 from drivers.mavlink.framing import FrameSplitter, WireFrame
 from drivers.mavlink.link import Link, LinkOptions
 from drivers.mavlink.signing import Signer

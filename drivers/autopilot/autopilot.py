@@ -2,14 +2,17 @@
 
 import logging
 import threading
+import time
 from collections.abc import Callable
 
 import mavsdk
 from mavsdk.plugins.action import Action, ActionError, ActionResult
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from drivers.autopilot.offboard import ENDED, HOLD_MODES, OffboardControl
+from drivers.autopilot.outcome import NO_ANSWER, NO_AUTOPILOT, Outcome
 from drivers.errors import DriverError
 from drivers.mavlink.link import Link
-from drivers.mavlink.outcome import NO_ANSWER, NO_AUTOPILOT, Outcome
 from drivers.samples import CommandAnswer
 from drivers.system.host_clock import now_us
 
@@ -17,6 +20,14 @@ log = logging.getLogger(__name__)
 
 NAV_LAND = 21
 """MAV_CMD_NAV_LAND."""
+DO_SET_MODE = 176
+"""MAV_CMD_DO_SET_MODE."""
+LAND_MODES = frozenset({"LAND", "QLAND", "PRECLAND"})
+"""Flight modes that a command to land leads to."""
+PX4_PRECLAND = (4, 9)
+"""Main and sub mode of PX4's AUTO/PRECLAND."""
+ASK_S, ASKS = 0.5, 3
+"""An unanswered request for a mode is repeated so soon, and so often."""
 LEVELS = {
     mavsdk.LogLevel.DEBUG: logging.DEBUG,
     mavsdk.LogLevel.INFO: logging.DEBUG,  # MAVSDK's daily chatter
@@ -38,6 +49,8 @@ class Autopilot:
         self._link = link
         self._mavsdk: mavsdk.Mavsdk | None = None
         self._action: Action | None = None
+        self.offboard: OffboardControl | None = None
+        """Setpoints; None until connected."""
         self._busy = threading.Lock()
 
     @property
@@ -57,24 +70,40 @@ class Autopilot:
         system = self._mavsdk.first_autopilot(timeout_s)
         if system is None:
             return False
+        self.offboard = OffboardControl(system, self._link)
         self._action = Action(system)
         return True
 
-    def land(self) -> Outcome:
+    def land(self, given_in: str | None = None) -> Outcome:
         """Send MAV_CMD_NAV_LAND, once, and wait for its end (MAVSDK repeats it only while no answer comes).
 
-        MAVSDK calls both denials by one name; the autopilot's own answers, read on the link, tell them apart.
+        ``given_in`` is the flight mode in which the order was given (None: the present one); in another mode nothing
+        is sent. MAVSDK calls both denials by one name; the autopilot's own answers, read on the link, tell them apart.
         """
-        return self._command(NAV_LAND, lambda action: action.land())
+        return self._command(NAV_LAND, lambda action: action.land(), given_in, LAND_MODES)
+
+    def land_on_target(self, given_in: str | None = None) -> Outcome:
+        """PX4: ask for the mode PRECLAND, which follows LANDING_TARGET; where it is refused, land as ever.
+
+        ArduCopter's LAND follows LANDING_TARGET by itself.
+        """
+        if self._link.autopilot != "px4":
+            return self.land(given_in)
+        with self._busy:
+            answer = self._ask_for_mode(given_in)
+        if answer == "ACCEPTED":
+            return Outcome("ACCEPTED", (), "own request for PRECLAND")
+        log.warning("precision landing: %s; landing where it is", answer.lower().replace("_", " "))
+        return self.land(given_in)
 
     def hold(self) -> Outcome:
-        """Ask for hold (PX4) or the mode that MAVSDK takes for it (ArduPilot: LOITER)."""
-        return self._command(None, lambda action: action.hold())
+        """Ask for hold (PX4) or the mode that MAVSDK takes for it (ArduPilot: BRAKE)."""
+        return self._command(None, lambda action: action.hold(), None, HOLD_MODES)
 
     def close(self) -> None:
         """Let a command end, then release MAVSDK."""
         with self._busy:
-            self._action = None
+            self._action = self.offboard = None
             instance, self._mavsdk = self._mavsdk, None
             self._link.raw_out = None
             if instance is not None:
@@ -97,10 +126,39 @@ class Autopilot:
         self._link.raw_out = instance.pass_received_raw_bytes
         return instance
 
-    def _command(self, command: int | None, call: Callable[[Action], object]) -> Outcome:
+    def _ask_for_mode(self, given_in: str | None) -> str:
+        """Ask PX4 for PRECLAND, as often as no answer comes; the answer by MAVLink's name."""
+        if not self._link.gate.expect(given_in or self._link.gate.mode, LAND_MODES):
+            return ENDED
+        began_us, system = now_us(), self._link.system_id
+        message = dialect.MAVLink_command_long_message(
+            system, self._link.options.autopilot_component, DO_SET_MODE, 0,
+            dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, *PX4_PRECLAND, 0, 0, 0, 0,
+        )  # fmt: skip
+        for _ in range(ASKS):
+            if self._link.gate.ended:
+                return ENDED
+            self._link.send(message)
+            deadline = time.monotonic() + ASK_S
+            while time.monotonic() < deadline:
+                for answer in tuple(self._link.answers):
+                    if answer.command == DO_SET_MODE and answer.arrival_us >= began_us:
+                        return answer.result
+                time.sleep(0.01)
+        return NO_ANSWER
+
+    def _command(
+        self,
+        command: int | None,
+        call: Callable[[Action], object],
+        given_in: str | None,
+        goal: frozenset[str],
+    ) -> Outcome:
         with self._busy:
             if self._action is None:
                 return Outcome(NO_AUTOPILOT, (), "NO_SYSTEM")
+            if not self._link.gate.expect(given_in or self._link.gate.mode, goal):
+                return Outcome(ENDED, (), "not called")
             began_us = now_us()
             try:
                 call(self._action)

@@ -1,0 +1,181 @@
+"""The landing procedure in the core: its inputs from ground map, estimate and consent, its orders out."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.core.consent import Consent
+from companion.messages.events import event
+from companion.messages.messages import Event, ProcedureState
+from companion.settings.settings import Settings
+from landing.decision.orders import NOT_SEEN, Inputs, Order, OrderKind, State, Step, Vector
+from landing.decision.procedure import Procedure
+from landing.decision.procedure_options import ProcedureOptions
+from landing.decision.targeting import Targeting
+from landing.decision.withheld import Withheld
+from landing.estimate import SurfaceEstimate
+from landing.ground.ground import Ground
+from landing.reasons import Status
+from landing.vision.camera import CameraModel
+
+CONTRADICTIONS = frozenset(
+    {Status.ROTATION_CONTRADICTS, Status.VELOCITY_CONTRADICTS, Status.LATENESS_CONTRADICTS}
+)
+SPOTS_EVERY_S = 0.2
+"""All discs are looked at this often; the chosen one at every frame."""
+VELOCITY_MAX_AGE_S = 0.5
+BESIDE_M = 0.1
+"""Ground beside the disc that the view must hold as well."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ordered:
+    """An order of the procedure, at a frame or between frames. ``time_unix_us``: companion clock, as stamped."""
+
+    frame: int
+    time_unix_us: int
+    step: Step
+
+    @property
+    def order(self) -> Order:
+        """What is asked of the autopilot."""
+        return self.step.order
+
+
+def hand_over_height(camera: CameraModel, radius_m: float) -> float:
+    """Height below which the view of a level vehicle no longer holds the disc of that radius straight below, m.
+
+    From where the four borders of the picture meet the ground; infinite for a camera that does not see straight down.
+    """
+    reach = math.inf
+    width, height = camera.width, camera.height
+    for pixel, axis, sign in (
+        ((0.0, height / 2), 0, -1.0),
+        ((width - 1.0, height / 2), 0, 1.0),
+        ((width / 2, 0.0), 1, -1.0),
+        ((width / 2, height - 1.0), 1, 1.0),
+    ):
+        x, y = camera.undistort(np.array([pixel]))[0]
+        down = camera.body_from_camera @ (x, y, 1.0)
+        if not down[2] > 0:
+            continue
+        # along the picture's own direction, as it lies in the body's level plane
+        way = camera.body_from_camera[:2, axis] * sign
+        size = math.hypot(*way)
+        reach = min(reach, float(way @ down[:2]) / size / down[2]) if size > 0 else 0.0
+    return (radius_m + BESIDE_M) / reach if reach > 0 else math.inf
+
+
+class Approach:
+    """Keeps the procedure that the settings name. ``place``, ``local``: see ``Inputs``."""
+
+    def __init__(self, settings: Settings, camera: CameraModel, ground: Ground, consent: Consent) -> None:
+        landing, vehicle = settings.landing, settings.vehicle
+        self.kind = landing.procedure
+        options = ProcedureOptions(
+            takeover_modes=frozenset(landing.takeover_modes) if self.kind == "offboard" else frozenset(),
+            divergence=landing.descent_divergence,
+            max_speed=landing.max_speed_m_s,
+            max_search_m=vehicle.max_search_m,
+            max_time_s=landing.max_time_s,
+            hand_over_m=max(0.5, hand_over_height(camera, vehicle.landing_radius_m)),
+        )
+        self._machine: Procedure | Targeting = (
+            Procedure(options) if self.kind == "offboard" else Targeting(options)
+        )
+        self._ground, self._consent = ground, consent
+        self._spots_s = -math.inf
+        self._local: tuple[int, Vector] | None = None
+        self._told: Step | None = None
+
+    @property
+    def state(self) -> ProcedureState | None:
+        """For the decision's message."""
+        step = self._told
+        if step is None:
+            return None
+        spot = step.spot_ned
+        vehicle = self._ground.sight.place_ned
+        return ProcedureState(
+            kind=self.kind,
+            state=step.state.value,
+            code=step.why.value,
+            text=step.words,
+            order=step.order.kind.value,
+            velocity_ned=_rounded(step.order.velocity_ned) if step.order.kind is OrderKind.VELOCITY else None,
+            spot_north_m=None if spot is None else round(spot[0] - vehicle[0], 3),
+            spot_east_m=None if spot is None else round(spot[1] - vehicle[1], 3),
+        )
+
+    def locate(self, position_ned: Vector, now_us: int) -> None:
+        """The autopilot's LOCAL_POSITION_NED."""
+        self._local = now_us, position_ned
+
+    def see(
+        self, estimate: SurfaceEstimate, yaw: float, now_us: int, time_unix_us: int, *, busy: bool
+    ) -> list[Event | Ordered]:
+        """Take a frame; ``busy``: a command to land is under way."""
+        ground, sight = self._ground, self._ground.sight
+        spots = None
+        if self._machine.wants_spots and estimate.time_s - self._spots_s >= SPOTS_EVERY_S:
+            self._spots_s, spots = estimate.time_s, ground.spots()
+        place = self._machine.spot_ned
+        inputs = Inputs(
+            time_s=estimate.time_s,
+            objections=self._objections(now_us),
+            mode=self._mode(now_us),
+            quiet=self._quiet(now_us),
+            landing=busy,
+            contradictions=(str(estimate.status),) if estimate.status in CONTRADICTIONS else (),
+            place_ned=sight.place_ned,
+            local_ned=self._fresh_local(now_us),
+            velocity_ned=sight.velocity_ned if self._fresh_local(now_us) is not None else None,
+            yaw=yaw,
+            height_m=sight.height_m,
+            height_std_m=sight.height_std_m,
+            height_source="velocity",
+            approach=sight.approach,
+            below=ground.at(*sight.place_ned[:2]),
+            spots=spots,
+            at_spot=NOT_SEEN if place is None else ground.at(*place[:2]),
+        )
+        return self._take(self._machine.step(inputs), estimate.frame, time_unix_us)
+
+    def watch(self, frame: int, now_us: int, time_unix_us: int, time_s: float) -> list[Event | Ordered]:
+        """Between frames: what ends it."""
+        step = self._machine.watch(time_s, self._objections(now_us), self._mode(now_us), self._quiet(now_us))
+        return [] if step is None else self._take(step, frame, time_unix_us)
+
+    def _take(self, step: Step, frame: int, time_unix_us: int) -> list[Event | Ordered]:
+        told, self._told = self._told, step
+        if step.order.kind is OrderKind.START:
+            self._consent.permission.use()
+        out: list[Event | Ordered] = []
+        if told is None or told.state is not step.state:
+            name = "procedure_gave_back" if step.state is State.GIVE_BACK else "procedure_changed"
+            details = {"state": step.state.value, "code": step.why.value}
+            out.append(event(name, frame, time_unix_us, f"landing procedure {step.words}", details))
+        was = told.order.kind if told is not None else OrderKind.NONE
+        if step.order.kind is not OrderKind.NONE or was is not OrderKind.NONE:
+            out.append(Ordered(frame, time_unix_us, step))
+        return out
+
+    def _objections(self, now_us: int) -> tuple[Withheld, ...]:
+        return tuple(o.code for o in self._consent.objections(now_us, command_busy=False))
+
+    def _mode(self, now_us: int) -> str | None:
+        return self._consent.vehicle.mode if self._consent.heard(now_us) else None
+
+    def _quiet(self, now_us: int) -> bool:
+        v = self._consent.vehicle
+        return not self._consent.heard(now_us) or v.failsafe is not False or self._consent.radio_lost
+
+    def _fresh_local(self, now_us: int) -> Vector | None:
+        if self._local is None or now_us - self._local[0] > VELOCITY_MAX_AGE_S * 1e6:
+            return None
+        return self._local[1]
+
+
+def _rounded(v: Vector) -> Vector:
+    return round(v[0], 3), round(v[1], 3), round(v[2], 3)

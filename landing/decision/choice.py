@@ -1,0 +1,97 @@
+"""Which of the landable discs is landed on: the best within reach, kept unless another is clearly better."""
+
+import math
+
+from landing.decision.orders import Inputs, Vector
+from landing.ground.spots import Spot
+
+FAR_HAZARD_M = 1.0
+"""Clearance beyond this counts no more, in still air."""
+GUST_S2 = 0.1
+"""More of it counts in wind: metres for each m/s^2 that the vehicle leans into."""
+WAY_WORTH = 0.25
+"""A metre of way counts as much as so many metres of clearance."""
+CLEARLY_M = 0.4
+"""Clearance by which another place must be better."""
+SAME_M = 0.4
+"""Discs nearer than this to the chosen place are the same place, seen better."""
+FOLLOW = 0.2
+"""Share of their distance by which the place follows at a look."""
+REFUSED_M = 0.6
+"""Nothing is chosen so near to a place that turned out unfit."""
+
+
+def merit(spot: Spot, lean: tuple[float, float]) -> float:
+    """In metres of clearance."""
+    far = FAR_HAZARD_M + GUST_S2 * math.hypot(*lean)
+    way = math.hypot(spot.north_m, spot.east_m)
+    return min(spot.clearance_m, far) - WAY_WORTH * way - spot.inclination_deg / 20.0 - spot.step_m / 0.1
+
+
+class Choice:
+    """The chosen place in the map's axes, and those that turned out unfit."""
+
+    def __init__(self, reach_m: float) -> None:
+        self._reach_m = reach_m
+        self.spot_ned: Vector | None = None
+        self._refused: list[Vector] = []
+
+    def forget(self) -> None:
+        """A new procedure."""
+        self.spot_ned = None
+        self._refused = []
+
+    def refuse(self) -> None:
+        """The chosen place turned out unfit."""
+        if self.spot_ned is not None:
+            self._refused.append(self.spot_ned)
+        self.spot_ned = None
+
+    def step(self, i: Inputs, middle: Vector) -> bool:
+        """Take the discs of a frame; whether another place is chosen. ``middle`` is that of the reach."""
+        if not i.spots:
+            return False
+        places = [(self._place(spot, i), spot) for spot in i.spots]
+        here = [entry for entry in places if self._allowed(entry[0], middle)]
+        if not here:
+            return False
+        best, spot = max(here, key=lambda entry: merit(entry[1], i.lean))
+        if self.spot_ned is None:
+            self.spot_ned = best
+            return True
+        chosen = self.spot_ned
+        kept = self._kept(here, chosen)
+        if kept is not None:
+            self.spot_ned = chosen = _between(chosen, kept[0], FOLLOW)
+        if merit(spot, i.lean) - (merit(kept[1], i.lean) if kept else 0.0) <= CLEARLY_M:
+            return False
+        if _apart(best, chosen) <= SAME_M:
+            return False
+        self.spot_ned = best
+        return True
+
+    def _kept(self, here: list[tuple[Vector, Spot]], chosen: Vector) -> tuple[Vector, Spot] | None:
+        """The disc that is the chosen place, as it is seen now."""
+        same = [entry for entry in here if _apart(entry[0], chosen) <= SAME_M]
+        return min(same, key=lambda entry: _apart(entry[0], chosen)) if same else None
+
+    def _place(self, spot: Spot, i: Inputs) -> Vector:
+        north, east, down = i.place_ned
+        return (
+            north + spot.north_m,
+            east + spot.east_m,
+            down + (i.height_m if math.isfinite(i.height_m) else 0.0),
+        )
+
+    def _allowed(self, place: Vector, middle: Vector) -> bool:
+        if not _apart(place, middle) <= self._reach_m:
+            return False
+        return all(_apart(place, refused) > REFUSED_M for refused in self._refused)
+
+
+def _apart(a: Vector, b: Vector) -> float:
+    return math.hypot(a[0] - b[0], a[1] - b[1])
+
+
+def _between(a: Vector, b: Vector, share: float) -> Vector:
+    return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])

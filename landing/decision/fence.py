@@ -1,0 +1,38 @@
+"""The fence of a landing procedure: how far from where it began, how high, how low, how long."""
+
+import math
+
+from landing.decision.orders import Inputs, State, Why
+from landing.decision.procedure_options import CLIMB_M, FENCE_MARGIN_M, LOWEST_SHARE, ProcedureOptions
+
+CLIMB_MARGIN_M = 1.0
+"""Above the highest that is asked for: brakes and errors of the height."""
+
+
+class Fence:
+    """About the frame at which a procedure began. Whatever is unknown is outside."""
+
+    def __init__(self, options: ProcedureOptions, begin: Inputs) -> None:
+        self._options, self._begin = options, begin
+
+    def against(self, i: Inputs, state: State) -> tuple[Why, str] | None:
+        """Why the procedure ends at this frame, and what was found; None within the fence."""
+        o, begin = self._options, self._begin
+        if i.contradictions:
+            return Why.CONTRADICTED, i.contradictions[0]
+        away = [math.dist(i.place_ned[:2], begin.place_ned[:2])]
+        if i.local_ned is None:
+            return Why.PERMISSION_ENDED, "no position"
+        if begin.local_ned is not None:
+            # whichever of view and autopilot says farther
+            away.append(math.dist(i.local_ned[:2], begin.local_ned[:2]))
+        if not all(m <= o.max_search_m + FENCE_MARGIN_M for m in away):
+            return Why.FENCE_DISTANCE, f"{max(away):.1f} m"
+        rise = begin.place_ned[2] - i.place_ned[2]
+        if not rise <= CLIMB_M + CLIMB_MARGIN_M:
+            return Why.FENCE_HEIGHT, f"{rise:.1f} m above the start"
+        if state is State.DESCEND and i.height_m < LOWEST_SHARE * o.hand_over_m:
+            return Why.FENCE_HEIGHT, f"{i.height_m:.1f} m"
+        if not i.time_s - begin.time_s <= o.max_time_s:
+            return Why.FENCE_TIME, ""
+        return None

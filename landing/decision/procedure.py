@@ -1,0 +1,337 @@
+"""The landing procedure: looks for a place, goes there, comes down by its flow. Pure: no clock, no I/O.
+
+The states, each with its limit of time (``LIMIT_S``)::
+
+    IDLE --permission, mode named, velocity known--> START --the mode follows--> LOOK
+    LOOK --the ground is known--> CHOOSE --a place--> GO --over it--> DESCEND --low, over it, slow--> HAND_OVER
+    CHOOSE --no place--> SEARCH --a place--> CHOOSE
+    GO, DESCEND --hazard, unknown, lost--> HOLD --stopped, higher--> CHOOSE
+    any of these --permission or mode gone, contradiction, fence, limit of time--> GIVE_BACK
+    HAND_OVER, GIVE_BACK --the permission is renewed--> IDLE
+
+Drawn with the safety case in docs/procedure.md.
+"""
+
+import math
+from collections.abc import Callable
+
+from landing.decision.choice import Choice
+from landing.decision.fence import Fence
+from landing.decision.guidance import Descent, Shaper, Spiral, towards
+from landing.decision.orders import (
+    MOVING,
+    ORDER_MAX_AGE_S,
+    STILL,
+    Inputs,
+    Order,
+    OrderKind,
+    State,
+    Step,
+    Vector,
+    Why,
+)
+from landing.decision.procedure_options import (
+    ARM_SHARE,
+    ARRIVED_M,
+    ARRIVED_SHARE,
+    CLIMB_M,
+    CLIMB_SPEED,
+    HANDED_OVER_M,
+    LIMIT_S,
+    LOOK_LEAST_S,
+    LOOK_RADIUS_M,
+    OUR_MODES,
+    OWN,
+    SEARCH_FLOW,
+    SLOW_M_S,
+    TRIES,
+    UNKNOWN_S,
+    ProcedureOptions,
+)
+from landing.decision.withheld import Withheld
+from landing.ground.spots import HAZARD, LANDABLE, UNKNOWN
+
+
+class Procedure:
+    """``step`` at every frame, ``watch`` at whatever else is heard; ``wants_spots``: whether discs are to be found."""
+
+    def __init__(self, options: ProcedureOptions) -> None:
+        self.options = options
+        self.state, self.why = State.IDLE, Why.NO_PERMISSION
+        self._about = ""
+        self._choice = Choice(options.max_search_m)
+        self._shaper, self._descent = Shaper(), Descent(options.divergence)
+        self._spiral: Spiral | None = None
+        self._since_s = self._seen_s = math.nan
+        self._sure_s = math.nan
+        self._side = 1.0
+        self._tries = 0
+        self._followed = False
+        self._origin: Vector = STILL
+        self._fence = Fence(options, Inputs(time_s=math.nan))
+        self._from_m = math.nan
+        self._level = 0.0
+        self._look_from: Vector = STILL
+
+    @property
+    def spot_ned(self) -> Vector | None:
+        """The chosen place in the map's axes."""
+        return self._choice.spot_ned
+
+    @property
+    def wants_spots(self) -> bool:
+        """Whether the discs in view are of use at the next frame."""
+        return self.state in (State.LOOK, State.CHOOSE, State.SEARCH, State.GO, State.DESCEND, State.HOLD)
+
+    def step(self, i: Inputs) -> Step:
+        """Take a frame; times must rise."""
+        before = self.state, self.why
+        self._seen_s = i.time_s
+        order = self._fly(i) if self.state in MOVING else self._rest(i)
+        return self._told(order, before)
+
+    def watch(
+        self, time_s: float, objections: tuple[Withheld, ...], mode: str | None, quiet: bool
+    ) -> Step | None:
+        """Between frames: what ends it ends it at once. None: nothing did."""
+        if self.state not in MOVING:
+            return None
+        before = self.state, self.why
+        ended = self._ended(objections, mode)
+        if ended is None and time_s - self._seen_s > ORDER_MAX_AGE_S:
+            ended = Why.NO_FRAMES, ""
+        if ended is None:
+            return None
+        return self._told(self._give_back(*ended, mode, quiet), before)
+
+    def _told(self, order: Order, before: tuple[State, Why]) -> Step:
+        changed = (self.state, self.why) != before
+        return Step(order, self.state, self.why, changed, self._choice.spot_ned, self._about)
+
+    # -- what ends it ------------------------------------------------------------------------------------
+
+    def _ended(self, objections: tuple[Withheld, ...], mode: str | None) -> tuple[Why, str] | None:
+        if self._followed and mode not in OUR_MODES:
+            return Why.MODE_LEFT, mode or ""
+        against = [o for o in objections if o not in OWN]
+        return (Why.PERMISSION_ENDED, against[0].value) if against else None
+
+    def _give_back(self, why: Why, about: str, mode: str | None, quiet: bool) -> Order:
+        """Hold is asked for only where the autopilot still flies by our setpoints and has nothing graver to do."""
+        ours = mode in OUR_MODES and not quiet and why is not Why.MODE_LEFT
+        self._go(State.GIVE_BACK, why, self._seen_s, about)
+        return Order(OrderKind.STOP if ours else OrderKind.NONE)
+
+    # -- the states --------------------------------------------------------------------------------------
+
+    def _rest(self, i: Inputs) -> Order:
+        """IDLE, HAND_OVER, GIVE_BACK."""
+        against = list(i.objections)
+        if self.state is not State.IDLE:
+            # a permission that was used and one that ended are alike: only another one begins anew
+            if self.state is State.HAND_OVER and self.why is Why.AT_THE_SPOT:
+                self.why = Why.LANDING
+            if Withheld.ALREADY_REQUESTED in against:
+                return Order()
+            self._go(State.IDLE, Why.NO_PERMISSION, i.time_s)
+        if against:
+            self.why, self._about = Why.NO_PERMISSION, against[0].value
+        elif i.mode not in self.options.takeover_modes:
+            self.why, self._about = Why.MODE_NOT_NAMED, i.mode or ""
+        elif i.velocity_ned is None or not all(map(math.isfinite, (*i.velocity_ned, *i.place_ned))):
+            self.why, self._about = Why.NO_VELOCITY, ""
+        elif not i.contradictions and not i.quiet:
+            return self._start(i)
+        return Order()
+
+    def _start(self, i: Inputs) -> Order:
+        self._choice.forget()
+        self._spiral, self._tries, self._followed = None, 0, False
+        self._fence, self._origin = Fence(self.options, i), i.place_ned
+        self._from_m, self._level = i.height_m, i.place_ned[2]
+        self._shaper.begin(i.time_s, i.velocity_ned or STILL)
+        self._go(State.START, Why.TAKING_OVER, i.time_s)
+        return Order(OrderKind.START)
+
+    def _fly(self, i: Inputs) -> Order:
+        self._followed |= i.mode in OUR_MODES
+        ended = self._ended(i.objections, i.mode) or self._fence.against(i, self.state)
+        if ended is None and i.time_s - self._since_s > LIMIT_S.get(self.state, math.inf):
+            ended = self._limit(), ""
+        if ended is not None:
+            return self._give_back(*ended, i.mode, i.quiet)
+        act: dict[State, Callable[[Inputs], Vector | Order]] = {
+            State.START: self._begin,
+            State.LOOK: self._look,
+            State.CHOOSE: self._choose,
+            State.SEARCH: self._search,
+            State.GO: self._approach,
+            State.DESCEND: self._come_down,
+            State.HOLD: self._hold,
+        }
+        wanted = act[self.state](i)
+        if isinstance(wanted, Order):
+            return wanted
+        return Order(OrderKind.VELOCITY, self._shaper.step(i.time_s, wanted, self.options.max_speed))
+
+    def _limit(self) -> Why:
+        return {
+            State.START: Why.NOT_TAKEN,
+            State.LOOK: Why.LOOKED_IN_VAIN,
+            State.CHOOSE: Why.LOOKED_IN_VAIN,
+            State.GO: Why.WAY_TOO_LONG,
+            State.DESCEND: Why.DESCENT_TOO_LONG,
+            State.HOLD: Why.LOOKED_IN_VAIN,
+        }[self.state]
+
+    def _begin(self, i: Inputs) -> Vector:
+        if self._followed:
+            self._look_from = i.place_ned
+            self._go(State.LOOK, Why.NO_METRES, i.time_s)
+        return STILL
+
+    def _look(self, i: Inputs) -> Vector:
+        """Back and forth across the heading."""
+        known = math.isfinite(i.height_m)
+        self._choice.step(i, self._origin)
+        told = self._choice.spot_ned is not None or i.below.verdict != UNKNOWN
+        if i.time_s - self._since_s >= LOOK_LEAST_S and known and told:
+            self._go(State.CHOOSE, Why.CHOOSING, i.time_s)
+            return STILL
+        climb = self._climb(i)
+        self.why = Why.TOO_LOW if climb else Why.GROUND_UNKNOWN if known else Why.NO_METRES
+        yaw = i.yaw if math.isfinite(i.yaw) else 0.0
+        north, east = -math.sin(yaw), math.cos(yaw)
+        off = (i.place_ned[0] - self._look_from[0]) * north + (i.place_ned[1] - self._look_from[1]) * east
+        if off * self._side > LOOK_RADIUS_M:
+            self._side = -self._side
+        speed = self._side * self._speed(i)
+        return speed * north, speed * east, -climb
+
+    def _choose(self, i: Inputs) -> Vector | Order:
+        if i.spots is None:
+            return STILL
+        self._choice.step(i, self._origin)
+        if self._choice.spot_ned is not None:
+            self._level = i.place_ned[2]
+            self._sure_s = i.time_s
+            self._go(State.GO, Why.ON_THE_WAY, i.time_s)
+            return self._approach(i)
+        if self._spiral is None:
+            arm = ARM_SHARE * max(i.height_m, 0.5) if math.isfinite(i.height_m) else LOOK_RADIUS_M
+            self._spiral = Spiral(self._origin, arm, i.time_s)
+        self._level = i.place_ned[2]
+        self._go(State.SEARCH, Why.NO_SPOT, i.time_s)
+        return STILL
+
+    def _search(self, i: Inputs) -> Vector | Order:
+        assert self._spiral is not None
+        if self._choice.step(i, self._origin):
+            self._go(State.CHOOSE, Why.CHOOSING, i.time_s)
+            return STILL
+        if self._spiral.radius_m > self.options.max_search_m:
+            return self._give_back(Why.SEARCHED_IN_VAIN, "", i.mode, i.quiet)
+        point, along = self._spiral.point, self._spiral.velocity(self._speed(i))
+        back = towards(i.place_ned, point, self.options.max_speed)
+        if math.dist(i.place_ned[:2], point[:2]) < LOOK_RADIUS_M:
+            self._spiral.go_on(i.time_s, self._speed(i))
+        else:
+            self._spiral.wait(i.time_s)
+            along = (0.0, 0.0)
+        return along[0] + back[0], along[1] + back[1], self._keep_level(i)
+
+    def _approach(self, i: Inputs) -> Vector | Order:
+        """GO: over the place, at the height there is."""
+        if self._choice.step(i, self._origin):
+            self.why = Why.BETTER_SPOT
+        spot = self._choice.spot_ned
+        if spot is None or i.at_spot.verdict == HAZARD:
+            return self._stop(i, Why.SPOT_LOST if spot is None else Why.SPOT_HAZARD)
+        off = math.dist(i.place_ned[:2], spot[:2])
+        if off <= max(ARRIVED_M, ARRIVED_SHARE * i.height_m) and self._slow(i, 2 * SLOW_M_S):
+            self._sure_s = i.time_s
+            self._descent.begin(i.time_s)
+            self._go(State.DESCEND, Why.COMING_DOWN, i.time_s)
+        north, east = towards(i.place_ned, spot, self.options.max_speed)
+        return north, east, self._keep_level(i)
+
+    def _come_down(self, i: Inputs) -> Vector | Order:
+        o, height = self.options, i.height_m
+        self._choice.step(i, self._origin)
+        spot = self._choice.spot_ned
+        if i.at_spot.verdict == LANDABLE:
+            self._sure_s = i.time_s
+        unsure_s = i.time_s - self._sure_s
+        if spot is None or not math.isfinite(height):
+            return self._stop(i, Why.SPOT_LOST)
+        if i.at_spot.verdict == HAZARD:
+            return self._stop(i, Why.SPOT_HAZARD)
+        if unsure_s > UNKNOWN_S:
+            return self._stop(i, Why.SPOT_UNKNOWN)
+        off = math.dist(i.place_ned[:2], spot[:2])
+        if off > ARRIVED_M + 4 * ARRIVED_SHARE * height:
+            # another place was found, or a gust: not down beside it
+            self._level = i.place_ned[2]
+            self._go(State.GO, Why.BETTER_SPOT, i.time_s)
+            return self._approach(i)
+        low = height / o.hand_over_m
+        if low <= 1.05 and unsure_s <= 0.5 and self._over(i, spot):
+            self._go(State.HAND_OVER, Why.AT_THE_SPOT, i.time_s)
+            return Order(OrderKind.LAND)
+        self.why = Why.SPOT_UNSURE if unsure_s > 0.3 else Why.COMING_DOWN
+        share = (0.5 if unsure_s > 0.3 else 1.0) * min(max((low - 0.97) / 0.08, 0.0), 1.0)
+        sink = self._descent.sink(i.time_s, height, i.approach, share) if share else 0.0
+        offset, along = self._descent.circle(
+            i.time_s, height, min(max((low - 1.2) / 0.5, 0.0), 1.0), 0.5 * o.max_speed
+        )
+        aim = spot[0] + offset[0], spot[1] + offset[1], spot[2]
+        north, east = towards(i.place_ned, aim, o.max_speed)
+        return north + along[0], east + along[1], sink
+
+    def _hold(self, i: Inputs) -> Vector:
+        """Stopped, and a little higher."""
+        climb = self._climb(i, 1.3 * self._from_m)
+        if i.time_s - self._since_s > 1.0 and not climb:
+            if self._tries >= TRIES:
+                # the limit of time of HOLD would say the same later
+                self.why = Why.TOO_MANY_TRIES
+            self._look_from = i.place_ned
+            self._go(State.LOOK, Why.GROUND_UNKNOWN, i.time_s)
+        return 0.0, 0.0, -climb
+
+    def _stop(self, i: Inputs, why: Why) -> Vector | Order:
+        self._tries += 1
+        if self._tries > TRIES:
+            return self._give_back(Why.TOO_MANY_TRIES, "", i.mode, i.quiet)
+        self._choice.refuse()
+        self._from_m = i.height_m
+        self._go(State.HOLD, why, i.time_s)
+        return STILL
+
+    # -- small parts -------------------------------------------------------------------------------------
+
+    def _speed(self, i: Inputs) -> float:
+        most = self.options.max_speed
+        return min(most, max(SEARCH_FLOW * i.height_m, 0.4)) if math.isfinite(i.height_m) else 0.6 * most
+
+    def _climb(self, i: Inputs, height_m: float = math.nan) -> float:
+        """Speed up to a height, and to one from which the disc is seen; 0 where it is there or may go no higher."""
+        wanted = max(1.2 * self.options.hand_over_m, height_m if math.isfinite(height_m) else 0.0)
+        room = self._origin[2] - i.place_ned[2] < CLIMB_M
+        return CLIMB_SPEED if i.height_m < wanted and room else 0.0
+
+    def _keep_level(self, i: Inputs) -> float:
+        return min(max(0.8 * (self._level - i.place_ned[2]), -CLIMB_SPEED), CLIMB_SPEED)
+
+    def _slow(self, i: Inputs, limit: float) -> bool:
+        return i.velocity_ned is not None and math.hypot(*i.velocity_ned[:2]) <= limit
+
+    def _over(self, i: Inputs, spot: Vector) -> bool:
+        """Whether the stopping point is the place."""
+        if i.velocity_ned is None or not self._slow(i, SLOW_M_S):
+            return False
+        stop = i.place_ned[0] + i.velocity_ned[0], i.place_ned[1] + i.velocity_ned[1]
+        return math.dist(stop, spot[:2]) <= HANDED_OVER_M
+
+    def _go(self, state: State, why: Why, time_s: float, about: str = "") -> None:
+        self.state, self.why, self._since_s, self._about = state, why, time_s, about

@@ -1,0 +1,56 @@
+"""The numbers of the landing procedure: what its user sets, and the limits of its states."""
+
+from dataclasses import dataclass
+
+from landing.decision.orders import State
+from landing.decision.withheld import Withheld
+
+OUR_MODES = frozenset({"GUIDED", "OFFBOARD"})
+"""Flight modes in which an autopilot follows setpoints: ArduCopter's and PX4's."""
+OWN = frozenset({Withheld.ALREADY_REQUESTED})
+"""What stands against another request because this procedure has used the permission."""
+LIMIT_S = {
+    State.START: 3.0,
+    State.LOOK: 15.0,
+    State.CHOOSE: 2.0,
+    State.GO: 20.0,
+    State.DESCEND: 45.0,
+    State.HOLD: 6.0,
+}
+"""How long each state may take; SEARCH ends with its spiral, all of it with ``max_time_s``."""
+LOOK_LEAST_S = 2.5
+"""So long it looks before it chooses, for the choice to be one."""
+LOOK_RADIUS_M = 1.5
+"""Farthest to each side while it looks."""
+ARM_SHARE = 0.9
+"""Distance of the spiral's arms over the height: less than the picture is wide."""
+SEARCH_FLOW = 0.4
+"""Speed over height while it looks and searches, 1/s."""
+CLIMB_M = 2.5
+"""Farthest above the height at which it began."""
+CLIMB_SPEED = 0.5
+ARRIVED_M, ARRIVED_SHARE = 0.25, 0.08
+"""Over the place: so near, in metres and in shares of the height."""
+SLOW_M_S = 0.25
+"""Slow enough over the place to begin the descent, and to hand over."""
+HANDED_OVER_M = 0.12
+"""How near the stopping point must be to the place for the hand-over."""
+UNKNOWN_S = 1.5
+"""How long the chosen disc may be unknown before it stops."""
+TRIES = 4
+FENCE_MARGIN_M = 1.5
+"""Beyond the search: brakes and drift."""
+LOWEST_SHARE = 0.75
+"""Of the height of the hand-over: below it, it has come down too far."""
+
+
+@dataclass(frozen=True, slots=True)
+class ProcedureOptions:
+    """What the settings say; ``hand_over_m``: height below which the view no longer holds the vehicle's disc."""
+
+    takeover_modes: frozenset[str] = frozenset()
+    divergence: float = 0.25
+    max_speed: float = 1.5
+    max_search_m: float = 8.0
+    max_time_s: float = 120.0
+    hand_over_m: float = 1.3
