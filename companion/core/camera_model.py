@@ -79,6 +79,9 @@ def model_of(
             mount,
             readout_s,
             equidistant=info.distortion_model == EQUIDISTANT,
+            intrinsics_covariance=(
+                np.array(info.covariance).reshape(4 + len(info.distortion), -1) if info.covariance else None
+            ),
         )
     except LandingError as error:
         raise LandslopeError(f"{path}: {error}") from None
