@@ -149,6 +149,14 @@ class ClockOffset:
 
 
 @dataclass(frozen=True, slots=True)
+class SystemTime:
+    """SYSTEM_TIME: the autopilot's date in microseconds since 1970; 0 while it does not know it."""
+
+    arrival_us: int
+    unix_us: int
+
+
+@dataclass(frozen=True, slots=True)
 class CommandAnswer:
     """COMMAND_ACK to a command of ours; ``result`` by MAVLink name without the prefix ("ACCEPTED", ...)."""
 
@@ -175,6 +183,7 @@ Sample = (
     | Heartbeat
     | CurrentMode
     | SystemStatus
+    | SystemTime
     | StatusText
     | ManualControl
     | LandedState

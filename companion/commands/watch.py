@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from companion.commands.closed_pipe import discard_output
+from companion.commands.watched_map import map_lines
 from companion.live.publisher import endpoints
+from companion.messages.ground import Ground
 from companion.messages.messages import Decision, Estimate, Event, Health
 from companion.messages.received import printable, received
 from companion.settings.settings_file import load
@@ -65,6 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="override a setting",
     )
     parser.add_argument("--json", action="store_true", help="lines of JSON on a terminal too")
+    parser.add_argument("--map", action="store_true", help="the ground map too, as characters and colours")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -74,7 +77,8 @@ def run(args: argparse.Namespace) -> int:
     if not (args.connect or args.listen or args.config):
         overrides.append("zenoh.scouting=true")  # somebody who says nothing looks around on the local network
     settings = load(args.config, [*overrides, *args.overrides]).settings
-    with Subscription(endpoints(settings.zenoh), args.vehicle, MESSAGE_TOPICS) as subscription:
+    topics = (*MESSAGE_TOPICS, "ground") if args.map else MESSAGE_TOPICS
+    with Subscription(endpoints(settings.zenoh), args.vehicle, topics) as subscription:
         if args.json or not sys.stdout.isatty():
             return _lines(subscription)
         return _live(subscription)
@@ -113,6 +117,9 @@ class Known:
     estimate: Estimate | None = None
     decision: Decision | None = None
     health: Health | None = None
+    ground: Ground | None = None
+    mapped: Ground | None = None
+    """The newest that has a map."""
     events: deque[Event] = field(default_factory=lambda: deque(maxlen=EVENTS_SHOWN))
     refused: int = 0
     """Messages that do not follow the schema."""
@@ -143,6 +150,9 @@ class View:
                 known.decision = message
             case Health():
                 known.health = message
+            case Ground():
+                known.ground = message
+                known.mapped = message if message.map is not None else known.mapped
             case Event():
                 known.events.append(message)
             case _:
@@ -154,7 +164,7 @@ class View:
         from rich.table import Table
         from rich.text import Text
 
-        outer = Table.grid(padding=(0, 0, 1, 0))
+        outer = Table.grid()
         if not self.vehicles:
             outer.add_row(Text("waiting for a vehicle ...", style="dim"))
         for name, known in sorted(self.vehicles.items()):
@@ -163,6 +173,9 @@ class View:
             for label, text, style in _rows(known):
                 inner.add_row(Text(label, style="dim"), Text(printable(text), style=style))
             outer.add_row(inner)
+            if known.ground is not None and known.mapped is not None:
+                for line in map_lines(known.ground, known.mapped):
+                    outer.add_row(line)
         return outer
 
     def _presence(self, known: Known, now_s: float) -> Any:
@@ -202,12 +215,20 @@ def _rows(known: Known) -> "list[tuple[str, str, str]]":
         well = health.state == "ok" and not health.problems
         problems = "all inputs well" if well else "; ".join(health.problems) or "no reason given"
         rows.append(("health", f"{health.state}: {problems}", "" if well else "yellow"))
+    if known.ground is not None:
+        below, stop = known.ground.below, known.ground.touchdown
+        rows.append(("ground below", _ground(below.verdict, below.reasons), ""))
+        rows.append(("on the way", _ground(stop.verdict, stop.reasons), ""))
     if known.refused:
         rows.append(("refused", f"{known.refused} messages that do not follow the schema", "yellow"))
     for event in known.events:
         style = {"error": "red", "warning": "yellow"}.get(event.severity, "")
         rows.append(("event", event.text or event.event, style))
     return rows
+
+
+def _ground(verdict: str, reasons: tuple[str, ...]) -> str:
+    return f"{verdict}: {', '.join(reasons).replace('_', ' ')}" if reasons else verdict
 
 
 def _figure(value: float | None, digits: int, unit: str, std: float | None = None) -> str:

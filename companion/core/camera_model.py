@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from companion.errors import LandslopeError
 from companion.settings.settings import CameraSettings
 from drivers.files.camera_info import EQUIDISTANT, CameraInfo, read_camera_info
+from drivers.files.picture_mask import read_mask
 from landing.errors import LandingError
 from landing.vision.camera import DOWN, CameraModel, body_from_camera
 
@@ -34,8 +35,9 @@ def camera_model(
 
     ``fov_deg`` (across the image) or ``focal_px`` stand in for a calibration file; without any of the three
     ``camera.assumed_fov_deg`` is taken and the camera counts as uncalibrated. Raises LandslopeError for values that no
-    camera has.
+    camera has, DriverError for a ``camera.mask`` that is none.
     """
+    mask = read_mask(Path(camera.mask), width, height) if camera.mask else None
     mount = body_from_camera(
         math.radians(camera.mount_roll_deg),
         math.radians(camera.mount_pitch_deg),
@@ -48,12 +50,12 @@ def camera_model(
                 f"{camera.calibration}: is for images of {info.width} x {info.height}, the camera gives "
                 f"{width} x {height}: calibrate at this size, or set the camera to the other"
             )
-        return model_of(info, camera.calibration, mount, readout_of(camera)), True
+        return model_of(info, camera.calibration, mount, readout_of(camera), mask), True
     calibrated = fov_deg is not None or focal_px is not None
     if focal_px is None:
         across = camera.assumed_fov_deg if fov_deg is None else fov_deg
         focal_px = width / 2 / math.tan(math.radians(across) / 2)
-    model = CameraModel.from_focal(width, height, focal_px, mount, readout_of(camera))
+    model = CameraModel.from_focal(width, height, focal_px, mount, readout_of(camera), mask)
     _check(model, "the camera" if calibrated else "camera.assumed_fov_deg")
     return model, calibrated
 
@@ -68,6 +70,7 @@ def model_of(
     path: str | Path,
     mount: NDArray[np.float64] = DOWN,
     readout_s: float | None = 0.0,
+    mask: NDArray[np.bool_] | None = None,
 ) -> CameraModel:
     """The model of a calibration read from ``path``; LandslopeError for values that no camera has."""
     try:
@@ -82,6 +85,7 @@ def model_of(
             intrinsics_covariance=(
                 np.array(info.covariance).reshape(4 + len(info.distortion), -1) if info.covariance else None
             ),
+            mask=mask,
         )
     except LandingError as error:
         raise LandslopeError(f"{path}: {error}") from None

@@ -92,6 +92,7 @@ class Core:
         self._sync = Synchroniser(settings, telemetry, monotonic)
         self._health = HealthMonitor(settings.health, telemetry)
         self._health.calibrated = calibrated
+        self._health.masked = 0.0 if camera.mask is None else float(camera.mask.mean())
         self._frozen = FrozenCamera(settings.health, camera)
         self._judge = Judge(
             settings,

@@ -22,6 +22,7 @@ from drivers.samples import (
     Sample,
     StatusText,
     SystemStatus,
+    SystemTime,
     Velocity,
 )
 
@@ -34,6 +35,7 @@ INPUTS: dict[type, str] = {
     LandedState: "landed_state",
     CurrentMode: "current_mode",
     SystemStatus: "system_status",
+    SystemTime: "system_time",
     StatusText: "status_text",
     ManualControl: "manual_control",
     RcChannels: "rc_channels",
@@ -57,12 +59,16 @@ SOURCES = {
     "EXTENDED_SYS_STATE": "landed_state",
     "CURRENT_MODE": "current_mode",
     "SYS_STATUS": "system_status",
+    "SYSTEM_TIME": "system_time",
     "STATUSTEXT": "status_text",
     "MANUAL_CONTROL": "manual_control",
     "RC_CHANNELS": "rc_channels",
     "TIMESYNC": "timesync",
 }
 """Source of a refusal -> the input it would have been."""
+
+LARGE_MASK = 1 / 3
+"""Share of the picture from which a mask leaves too little of the ground."""
 
 NEEDED = ("frames", "attitude", "heartbeat", "landed_state")
 """Inputs without which no landing is requested."""
@@ -124,6 +130,8 @@ class HealthMonitor:
         self.wrong_size = ""
         """What size the pictures have where it is not the calibration's; empty while it is."""
         self.calibrated = True
+        self.masked = 0.0
+        """Share of the picture that ``camera.mask`` covers."""
         self.radio_lost = False
         self.standing: tuple[Condition, ...] = ()
         """Conditions that others found: recording, clock, two vehicles on the link."""
@@ -199,6 +207,8 @@ class HealthMonitor:
             yield condition(Code.IMAGE_SIZE, detail=self.wrong_size)
         if not self.calibrated:
             yield condition(Code.UNCALIBRATED)
+        if self.masked > LARGE_MASK:
+            yield condition(Code.MASK_LARGE, detail=f"{100 * self.masked:.0f} %")
         if self.radio_lost:
             yield condition(Code.RADIO_LOST)
 

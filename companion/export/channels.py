@@ -8,6 +8,7 @@ import foxglove
 from foxglove import channels as fox
 
 from companion.export import shapes
+from companion.messages.ground import Ground
 from companion.messages.messages import TOPICS, Decision, Estimate, Event, Message, encode, topic_of
 from companion.messages.preview import Preview
 from companion.messages.schema import schema_of
@@ -51,6 +52,9 @@ class VehicleChannels:
         self._transforms = fox.FrameTransformsChannel(f"{top}/transforms", context=context)
         self._pose = fox.PoseInFrameChannel(f"{top}/pose", context=context)
         self._surface = fox.SceneUpdateChannel(f"{top}/surface", context=context)
+        self._map = fox.GridChannel(f"{top}/ground/map", context=context)
+        self._discs = fox.SceneUpdateChannel(f"{top}/ground/discs", context=context)
+        self._level_m: float | None = None
         self._log = fox.LogChannel(f"{top}/log", context=context)
         self._calibrated = False
 
@@ -71,6 +75,8 @@ class VehicleChannels:
         match message:
             case Estimate():
                 self._estimate(message, time_ns)
+            case Ground():
+                self._ground(message, time_ns)
             case Decision():
                 self._verdict = message.verdict
             case Event():
@@ -95,6 +101,8 @@ class VehicleChannels:
             self._transforms,
             self._pose,
             self._surface,
+            self._map,
+            self._discs,
             self._log,
         )
         for channel in (*self._json.values(), *drawn):
@@ -109,3 +117,12 @@ class VehicleChannels:
             self._transforms.log(tree, log_time=time_ns)
             self._pose.log(shapes.pose(at, self._vehicle, self._position, attitude), log_time=time_ns)
         self._surface.log(shapes.surface(estimate, self._vehicle, self._verdict), log_time=time_ns)
+
+    def _ground(self, ground: Ground, time_ns: int) -> None:
+        drawn = shapes.ground_map(ground, self._vehicle, self._position)
+        if drawn is not None:
+            self._map.log(drawn, log_time=time_ns)
+            self._level_m = shapes.ground_level(ground)
+        if self._level_m is not None:
+            discs = shapes.landing_discs(ground, self._vehicle, self._position, self._level_m)
+            self._discs.log(discs, log_time=time_ns)

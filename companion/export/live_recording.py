@@ -14,7 +14,8 @@ from drivers.samples import Attitude, Sample, Velocity
 
 log = logging.getLogger(__name__)
 
-FILE = "flight.mcap"
+STEM = "flight"
+FILE = f"{STEM}.mcap"
 QUEUE_LENGTH = 256
 """About eight seconds of frames with their messages; what does not fit is dropped and counted."""
 CLOSE_PATIENCE_S = 10.0
@@ -29,9 +30,12 @@ class LiveMcap:
     def __init__(self, settings: Settings) -> None:
         self.dropped = 0
         self._settings = settings
-        self._queue: queue.Queue[Output | Sample | tuple[Path | None]] = queue.Queue(QUEUE_LENGTH)
+        self._queue: queue.Queue[Output | Sample | tuple[Path | None, str]] = queue.Queue(QUEUE_LENGTH)
         self._folder: Path | None = None
+        self._part = self._part_begun = 0
         self._pending: Path | None = None
+        self.open: Path | None = None
+        """The folder that a file is being written in."""
         self._sink: McapSink | None = None
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="mcap", daemon=True)
@@ -40,11 +44,19 @@ class LiveMcap:
     def follow(self, folder: Path | None) -> None:
         """Record into that flight folder from now on; None ends the file."""
         if folder != self._folder:
+            self._part = 0
+        if (folder, self._part) != (self._folder, self._part_begun):
+            name = FILE if self._part == 0 else f"{STEM}_{self._part + 1}.mcap"
             try:
-                self._queue.put_nowait((folder,))
+                self._queue.put_nowait((folder, name))
             except queue.Full:
                 return  # the next call tries again
-            self._folder = folder
+            self._folder, self._part_begun = folder, self._part
+            self.open = folder or self.open
+
+    def begin_anew(self) -> None:
+        """Go on in another file of the same folder, soon: the times of what follows step."""
+        self._part += 1
 
     def sample(self, sample: Sample) -> None:
         """Heading and position."""
@@ -77,7 +89,10 @@ class LiveMcap:
                 continue
             if isinstance(item, tuple):
                 self._end()
-                (self._pending,) = item
+                folder, name = item
+                self._pending = None if folder is None else folder / name
+                if folder is None:
+                    self.open = None
             else:
                 self._write(item)
         self._end()
@@ -96,11 +111,11 @@ class LiveMcap:
         else:
             self._sink.put(item)  # type: ignore[arg-type]
 
-    def _opened(self, folder: Path, first: Processed) -> McapSink | None:
+    def _opened(self, path: Path, first: Processed) -> McapSink | None:
         height, width = first.frame.image.shape
         try:
             camera, _ = camera_model(self._settings.camera, width, height)
-            return McapSink(folder / FILE, self._settings.vehicle.name, camera)
+            return McapSink(path, self._settings.vehicle.name, camera)
         except LandslopeError as error:
             log.error("no MCAP recording: %s", error)
             return None

@@ -2,10 +2,13 @@
 
 import math
 
+import msgspec
 import numpy as np
 from foxglove import messages as fox
 from numpy.typing import NDArray
 
+from companion.messages.ground import Ground
+from companion.messages.ground_cells import NO_HEIGHT, cells_of
 from companion.messages.messages import Estimate, Event
 from companion.messages.preview import Preview
 from companion.messages.tilt import tilt_of
@@ -20,11 +23,23 @@ SURFACE_COLOURS = {
     "unknown": fox.Color(r=0.4, g=0.4, b=0.4, a=0.6),
 }
 LEVELS = {"info": fox.LogLevel.Info, "warning": fox.LogLevel.Warning, "error": fox.LogLevel.Error}
+MAP_COLOURS = ((0, 0, 0, 0), (60, 120, 220, 255), (50, 170, 70, 255), (210, 40, 40, 255))
+"""Of a cell by its state: unknown, measured, its disc landable, looks disagree; red, green, blue, alpha."""
+CELL = np.dtype(
+    [("elevation", "<f4"), ("state", "u1"), ("red", "u1"), ("green", "u1"), ("blue", "u1"), ("alpha", "u1")]
+)
 ENU_FROM_NED = fox.Quaternion(x=math.sqrt(0.5), y=math.sqrt(0.5), z=0.0, w=0.0)
 MICROSECONDS = 1_000_000
 UNKNOWN_HEIGHT_M = 1.0
 """Where the height is unknown the plane is drawn at this distance: its tilt is right, its size is not."""
-SURFACE_ID = "surface"
+SURFACE_ID, DISCS_ID = "surface", "landing"
+DISC_RADIUS_M, DISC_HEIGHT_M = 0.5, 0.02
+DISC_COLOURS = {
+    "landable": fox.Color(r=0.1, g=0.75, b=0.3, a=0.6),
+    "touchdown landable": fox.Color(r=1.0, g=0.85, b=0.1, a=0.8),
+    "touchdown hazard": fox.Color(r=0.9, g=0.1, b=0.1, a=0.8),
+    "unknown": fox.Color(r=0.6, g=0.6, b=0.6, a=0.8),
+}
 # Both windings, so that the plane is seen from below too.
 QUAD = [0, 1, 2, 0, 2, 3, 0, 2, 1, 0, 3, 2]
 
@@ -122,6 +137,81 @@ def surface(estimate: Estimate, vehicle: str, verdict: str) -> fox.SceneUpdate:
         id=f"{vehicle}/{SURFACE_ID}",
         triangles=[plane],
         metadata=[fox.KeyValuePair(key="height known", value=str(estimate.height_m is not None))],
+    )
+    return fox.SceneUpdate(entities=[entity])
+
+
+def ground_level(ground: Ground) -> float | None:
+    """Mean height of the known cells in the map's axes, m; None without a map that knows any."""
+    cells = cells_of(msgspec.to_builtins(ground))
+    known = None if cells is None else cells[1][cells[1] != NO_HEIGHT]
+    return None if known is None or not known.size else float(known.mean()) * 1e-3
+
+
+def ground_map(ground: Ground, vehicle: str, position_ned: tuple[float, float, float]) -> fox.Grid | None:
+    """The map's cells with elevation, state and colour, placed by the vehicle's position NED; None without a map."""
+    cells, grid = cells_of(msgspec.to_builtins(ground)), ground.map
+    if cells is None or grid is None:
+        return None
+    state, height = cells
+    packed = np.zeros(state.shape, CELL)
+    packed["elevation"] = np.where(height == NO_HEIGHT, np.nan, height * 1e-3)
+    packed["state"] = state
+    colours = np.array(MAP_COLOURS, np.uint8)[np.minimum(state, len(MAP_COLOURS) - 1)]
+    for k, name in enumerate(("red", "green", "blue", "alpha")):
+        packed[name] = colours[..., k]
+    north, east, down = position_ned
+    corner = (
+        north + grid.north0_m - ground.north_m,
+        east + grid.east0_m - ground.east_m,
+        down - ground.down_m,
+    )
+    numeric = fox.PackedElementFieldNumericType
+    kinds = [numeric.Float32, *[numeric.Uint8] * 5]
+    return fox.Grid(
+        timestamp=stamp(ground.time_unix_us),
+        frame_id=f"{vehicle}/ned",
+        # columns go east and rows north, which is x and y of axes whose z is up
+        pose=fox.Pose(position=vector(corner), orientation=ENU_FROM_NED),
+        column_count=grid.columns,
+        cell_size=fox.Vector2(x=grid.cell_m, y=grid.cell_m),
+        row_stride=grid.columns * CELL.itemsize,
+        cell_stride=CELL.itemsize,
+        fields=[
+            fox.PackedElementField(name=name, offset=CELL.fields[name][1], type=kind)  # type: ignore[index]
+            for name, kind in zip(CELL.names or (), kinds, strict=True)
+        ],
+        data=packed.tobytes(),
+    )
+
+
+def landing_discs(
+    ground: Ground, vehicle: str, position_ned: tuple[float, float, float], level_m: float
+) -> fox.SceneUpdate:
+    """Spots and the disc where the vehicle would come down, on ground ``level_m`` up in the map's axes."""
+    north, east, down = position_ned
+
+    def disc(at: tuple[float, float], radius_m: float, verdict: str) -> fox.CylinderPrimitive:
+        place = (north + at[0], east + at[1], down - ground.down_m - level_m)
+        return fox.CylinderPrimitive(
+            pose=fox.Pose(position=vector(place), orientation=ENU_FROM_NED),
+            size=fox.Vector3(x=2 * radius_m, y=2 * radius_m, z=DISC_HEIGHT_M),
+            bottom_scale=1.0,
+            top_scale=1.0,
+            color=DISC_COLOURS.get(verdict, DISC_COLOURS["unknown"]),
+        )
+
+    found = [disc((s.north_m, s.east_m), s.radius_m, "landable") for s in ground.spots]
+    stop = ground.touchdown
+    if stop.north_m is not None and stop.east_m is not None:
+        radius_m = ground.spots[0].radius_m if ground.spots else DISC_RADIUS_M
+        found.append(disc((stop.north_m, stop.east_m), radius_m, f"touchdown {stop.verdict}"))
+    entity = fox.SceneEntity(
+        timestamp=stamp(ground.time_unix_us),
+        frame_id=f"{vehicle}/ned",
+        id=f"{vehicle}/{DISCS_ID}",
+        cylinders=found,
+        metadata=[fox.KeyValuePair(key="below", value=ground.below.verdict)],
     )
     return fox.SceneUpdate(entities=[entity])
 

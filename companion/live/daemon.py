@@ -8,6 +8,7 @@ from contextlib import ExitStack
 
 import msgspec
 
+from companion.clocks.date import Date
 from companion.core.approach import Ordered
 from companion.core.command import NAV_LAND
 from companion.core.core import LandRequest, Output, Processed
@@ -26,9 +27,10 @@ from companion.messages.preview import PreviewPublisher
 from companion.settings.settings import Settings
 from drivers.errors import DriverError
 from drivers.events import DriverEvent
-from drivers.samples import CommandAnswer, Heartbeat, Imu, Sample
-from drivers.system.host_clock import has_date, now_us
+from drivers.samples import CommandAnswer, Heartbeat, Imu, Sample, SystemTime
+from drivers.system.host_clock import now_us
 from drivers.system.service_manager import ServiceManager
+from drivers.system.wall_clock import WallClock, wall_clock
 
 log = logging.getLogger(__name__)
 
@@ -40,6 +42,9 @@ ANSWER_S = 10.0
 CLOSE_S = 2.0
 ESTIMATORS_NEED = frozenset({"ATTITUDE", "RAW_IMU", "HIGHRES_IMU"})
 """Messages whose rate the estimates depend on."""
+
+LOOK_S = 1.0
+"""How often the wall clock is looked at."""
 
 GATHER_S = 0.02
 """Telemetry is gathered for so long while no frame waits for it."""
@@ -53,12 +58,17 @@ class Daemon:
     """
 
     def __init__(
-        self, settings: Settings, inputs: Inputs, load: Callable[[], Settings] | None = None
+        self,
+        settings: Settings,
+        inputs: Inputs,
+        load: Callable[[], Settings] | None = None,
+        look: Callable[[], WallClock] = wall_clock,
     ) -> None:
         self.settings = settings
         self._inputs, self._inbox = inputs, inputs.inbox
         self._link, self._camera = inputs.link, inputs.camera
         self._estimate_us = 0
+        self._date, self._look, self._look_at = Date(), look, 0.0
         self.failed = ""
         """Why the daemon ends by itself, to be started anew; empty while it need not."""
         self._load, self._reload_wanted = load, False
@@ -134,6 +144,7 @@ class Daemon:
         samples, events = self._inbox.take(TICK_S, 0.0 if self.pipeline.waiting else GATHER_S)
         samples += self._camera.take()
         samples.sort(key=_arrival)
+        self._learn_date(samples)
         self.recording.samples(samples)
         for event in (*events, *self._camera.events(), *self.recording.step(now_us())):
             self.pipeline.tell(event)
@@ -166,6 +177,17 @@ class Daemon:
         severity = "warning" if found.refused else "info"
         self.pipeline.tell(DriverEvent("settings_reloaded", severity, found.text, now_us()))
 
+    def _learn_date(self, samples: list[Sample]) -> None:
+        """Looks at the wall clock once a second, and at every time that the autopilot sends."""
+        found = []
+        if time.monotonic() >= self._look_at:
+            self._look_at = time.monotonic() + LOOK_S
+            found.append(self._date.wall(self._look(), now_us()))
+        found += [self._date.autopilot(sample) for sample in samples if isinstance(sample, SystemTime)]
+        for event in filter(None, found):
+            self.recording.set_date(self._date.offset_us, self._date.source)
+            self.pipeline.tell(event)
+
     def _feed_gyro(self, samples: list[Sample]) -> None:
         if self.settings.mavlink.optical_flow:
             for sample in samples:
@@ -180,7 +202,7 @@ class Daemon:
         elif isinstance(output, Ordered):
             pass
         elif isinstance(output, Processed):
-            self._preview.put(output.frame, output.estimate, self._estimate_us)
+            self._preview.put(output.frame, output.estimate, self._estimate_us + self._date.offset_us)
             self.recording.processed(output)
         else:
             self._message(output)
@@ -200,8 +222,9 @@ class Daemon:
             recording = self.recording.recording if self.settings.record.directory else None
             message = msgspec.structs.replace(message, recording=recording)
             self.service.status("; ".join(message.problems) or "all well")
-        self._publisher.publish(message)
-        self.recording.message(message)
+        dated = self._date.dated(message)
+        self._publisher.publish(dated)
+        self.recording.message(dated)
         if self._link is not None:
             for outgoing in self._report.feed(message):
                 self._link.send(outgoing)
@@ -229,7 +252,7 @@ class Daemon:
                 found.append(condition(Code.RATE_TOO_LOW, name, f"{hz:.1f} Hz of {wanted[name]:g}"))
             if self._link.unsigned_only:
                 found.append(condition(Code.UNSIGNED))
-        if not has_date():
+        if not self._date.known:
             found.append(condition(Code.CLOCK_WITHOUT_DATE))
         return tuple(found)
 

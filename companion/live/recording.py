@@ -159,6 +159,13 @@ class FlightRecording:
             return ()
         return (condition(Code.RECORDING_STOPPED, detail=recorder.stopped),)
 
+    def set_date(self, offset_us: int, source: str) -> None:
+        """The date is known: folders get their true names, what follows its true times."""
+        if self._recorder is not None:
+            self._recorder.set_date(offset_us, source)
+        if self._mcap is not None:
+            self._mcap.begin_anew()
+
     def by_hand(self, record: bool) -> None:
         """Start (True) or stop (False) on the user's word; safe in a signal handler."""
         self._switch.by_hand(record)
@@ -209,6 +216,7 @@ class FlightRecording:
             # Until the recorder has made its new folder it still names the last one.
             begun = recorder.recording and recorder.folder != self._folder_before
             self._mcap.follow(recorder.folder if begun else None)
+            recorder.kept_open = self._mcap.open
         return recorder.events()
 
     def close(self) -> None:
@@ -216,4 +224,5 @@ class FlightRecording:
         if self._mcap is not None:
             self._mcap.close()
         if self._recorder is not None:
+            self._recorder.kept_open = None
             self._recorder.close()

@@ -55,6 +55,7 @@ SHORT_CONDITIONS = {
     ConditionCode.VITAL_INPUT_STALE: "{subject}: stopped",
     ConditionCode.CLOCKS_UNRELATED: "autopilot's time not known",
     ConditionCode.CAMERA_FROZEN: "picture frozen",
+    ConditionCode.MASK_LARGE: "mask too large",
     ConditionCode.TWO_VEHICLES: "two vehicles, set system_id",
     ConditionCode.UNCALIBRATED: "camera not calibrated",
     ConditionCode.RECORDING_STOPPED: "not recording",

@@ -27,6 +27,7 @@ class Code(StrEnum):
     TWO_VEHICLES = "two_vehicles"
     IMAGE_SIZE = "image_size"
     UNCALIBRATED = "uncalibrated"
+    MASK_LARGE = "mask_large"
     RECORDING_STOPPED = "recording_stopped"
     CLOCK_WITHOUT_DATE = "clock_without_date"
     RADIO_LOST = "radio_lost"
@@ -66,6 +67,10 @@ KINDS = {
     Code.RADIO_LOST: Kind("warning", "radio: the pilot's switch is not heard"),
     Code.UNSIGNED: Kind("warning", "signing: the autopilot signs nothing; give it mavlink.signing_key too"),
     Code.RATE_TOO_LOW: Kind("warning", "{subject}: {detail} asked for"),
+    Code.MASK_LARGE: Kind(
+        "warning",
+        "camera: camera.mask covers {detail} of the picture; move the camera or what stands in its view",
+    ),
     Code.RECORDING_STOPPED: Kind("warning", "not recording: {detail}"),
     Code.CLOCK_WITHOUT_DATE: Kind("warning", "clock: the date is not known"),
 }

@@ -43,6 +43,8 @@ EVENTS = {
     "attitude_back": ("info", "frames have an attitude again"),
     "second_vehicle": ("error", "a second vehicle speaks on the link"),
     "input_stale": ("warning", "an input stopped"),
+    "date_known": ("info", "the date is known from now on; times that are published are right"),
+    "date_corrected": ("warning", "the date was corrected; times that are published step"),
     "settings_reloaded": ("info", "settings were read again"),
     "settings_refused": ("error", "settings could not be read again; the old ones stay in force"),
     "input_back": ("info", "an input came back"),
@@ -74,6 +76,7 @@ EVENTS = {
     "recording_behind": ("warning", "the disk is too slow; parts of the recording are lost"),
     "recording_failed": ("error", "the recording could not be written; it is tried again"),
     "recording_continued": ("info", "a flight folder has its size, the recording goes on in a new one"),
+    "recording_renamed": ("info", "a flight folder got the name of its true time"),
     "recording_deleted": ("info", "the oldest flight folder made room"),
 }
 """Name -> (severity, meaning)."""

@@ -144,6 +144,18 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
         about("rolling shutter readout, estimated in flight; null until settled, or if set", "s"),
     ] = None
     camera_readout_std_s: Annotated[float | None, about("standard deviation of camera_readout_s", "s")] = None
+    date_source: Annotated[
+        str | None,
+        about(
+            'what the date is from: "network", "hardware", "system", "set", "autopilot"; null while it is not known'
+        ),
+    ] = None
+    date_offset_s: Annotated[
+        float | None,
+        about(
+            "added to the companion clock's times to make them true; null while the date is not known", "s"
+        ),
+    ] = None
 
 
 class Event(msgspec.Struct, frozen=True, kw_only=True):

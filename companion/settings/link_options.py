@@ -13,6 +13,8 @@ from drivers.mavlink.signing import read_key
 
 SYSTEM_STATUS_HZ = 2.0
 """SYS_STATUS says whether the radio is heard."""
+SYSTEM_TIME_HZ = 1.0
+"""SYSTEM_TIME tells the date to a board that does not know it."""
 
 
 def link_options(settings: Settings, connection: str = "") -> LinkOptions:
@@ -36,6 +38,7 @@ def link_options(settings: Settings, connection: str = "") -> LinkOptions:
             "LOCAL_POSITION_NED": m.position_rate_hz,
             "EXTENDED_SYS_STATE": m.state_rate_hz,
             "SYS_STATUS": SYSTEM_STATUS_HZ,
+            "SYSTEM_TIME": SYSTEM_TIME_HZ,
             "CURRENT_MODE": m.state_rate_hz,
             "MANUAL_CONTROL": m.state_rate_hz,
         }

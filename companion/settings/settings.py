@@ -17,6 +17,12 @@ class CameraSettings:
         str, Meaning("source of frames: device, URL or file; a replay uses the recorded flight")
     ] = ""
     calibration: Annotated[str, FilePath("the camera's calibration, a ROS camera_info YAML file")] = ""
+    mask: Annotated[
+        str,
+        FilePath(
+            "PNG of the picture's size: black pixels never show the ground, as skids or a gimbal's edge"
+        ),
+    ] = ""
     mount_roll_deg: Annotated[float, Limits(-180, 180, "deg", "camera's roll in the body frame")] = 0.0
     mount_pitch_deg: Annotated[float, Limits(-180, 180, "deg", "camera's pitch in the body frame")] = 0.0
     mount_yaw_deg: Annotated[float, Limits(-180, 180, "deg", "camera's yaw in the body frame")] = 0.0

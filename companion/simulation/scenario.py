@@ -49,6 +49,12 @@ class CameraScene:
     readout_known: Annotated[bool, Meaning("whether camera.readout_s is set to that")] = True
     brightness: Annotated[float, Limits(0.02, 4, "", "light, 1 is good")] = 1.0
     contrast: Annotated[float, Limits(0.02, 4, "", "contrast, 1 is good")] = 1.0
+    in_view: Annotated[
+        Literal["nothing", "skids", "shadow", "dirt", "person"],
+        Meaning(
+            "in the picture beside the ground: the vehicle's skids, its shadow, dirt, a person who walks by"
+        ),
+    ] = "nothing"
 
 
 @dataclass(frozen=True, slots=True)

@@ -119,6 +119,7 @@ def _sensor(scenario: Scenario) -> SensorOptions:
         readout_s=c.readout_s,
         brightness=c.brightness,
         contrast=c.contrast,
+        in_view=c.in_view,
     )
 
 

@@ -1,17 +1,19 @@
 """A recorded flight: camera.mkv, frames.csv, vehicle.tlog, camera.yaml and landslope.toml in one folder."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from heapq import merge
 from pathlib import Path
 
 from drivers.errors import DriverError
+from drivers.files.folder_clock import read_clock
 from drivers.files.frame_table import FrameRow, read_frame_table
 from drivers.files.tlog import read_tlog
 from drivers.files.tlog_survey import STEP_US, ClockStep, Survey, survey_tlog
 from drivers.files.video_file import DEFAULT_FPS, Image, VideoFile
 from drivers.mavlink.telemetry import TelemetryDecoder
-from drivers.samples import Frame, Refusal, Sample
+from drivers.samples import ClockOffset, Frame, Refusal, Sample
 
 VIDEO, STAMPS, TELEMETRY = "camera.mkv", "frames.csv", "vehicle.tlog"
 GAP_MIN = 0.5
@@ -64,6 +66,10 @@ class FlightFolder:
         self.frame_count = len(rows)
         self.start_us = min(rows[0].order_us, survey.first_us or rows[0].order_us)
         self._check_overlap(survey)
+        clock = read_clock(self.path)
+        self.add_us = 0 if clock is None else clock.add_us or 0
+        """What was added to all times, since the recorder did not know the date."""
+        self.start_us += self.add_us
         self.duration_s = (rows[-1].order_us - rows[0].order_us) * 1e-6
 
     def _check_overlap(self, survey: Survey) -> None:
@@ -90,7 +96,7 @@ class FlightFolder:
     def samples(self) -> Iterator[Sample]:
         """Everything recorded, in the order in which it arrived; frames are decoded one at a time."""
         for _, _, sample in merge(self._telemetry(), self._frames(), key=lambda item: item[:2]):
-            yield sample
+            yield later(sample, self.add_us) if self.add_us else sample
 
     def _telemetry(self) -> Iterator[tuple[int, int, Sample]]:
         """(order, 0, sample); the order is the arrival with clock steps taken out."""
@@ -165,6 +171,16 @@ class FlightFolder:
             if row is not None and abs((row.order_us - before.order_us) * 1e-6 - gap_s) < GAP_MIN * period_s:
                 return later
         return number
+
+
+def later(sample: Sample, add_us: int) -> Sample:
+    """The sample with its times of the companion's clock moved."""
+    arrival_us = sample.arrival_us + add_us
+    if isinstance(sample, Frame):
+        return replace(sample, arrival_us=arrival_us, stamp_us=sample.stamp_us + add_us)
+    if isinstance(sample, ClockOffset):
+        return replace(sample, arrival_us=arrival_us, offset_us=sample.offset_us + add_us)
+    return replace(sample, arrival_us=arrival_us)
 
 
 def _is_step(step: ClockStep, delta_us: int) -> bool:

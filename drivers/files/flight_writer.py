@@ -3,13 +3,13 @@
 import os
 from collections import Counter
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import BinaryIO
 
 import cv2
 
 from drivers.files.flight_folder import CALIBRATION, SETTINGS, STAMPS, TELEMETRY, VIDEO
+from drivers.files.folder_clock import folder_name, free_names
 from drivers.files.matroska import JpegMatroska
 from drivers.samples import Frame
 
@@ -37,10 +37,18 @@ class FlightWriter:
     """The files of one flight folder; raises OSError when the disk does."""
 
     def __init__(
-        self, path: Path, jpeg_quality: int, rate_hz: float, papers: FlightPapers, counters: Counter[str]
+        self,
+        path: Path,
+        jpeg_quality: int,
+        rate_hz: float,
+        papers: FlightPapers,
+        counters: Counter[str],
+        shift_us: int = 0,
     ) -> None:
+        """``shift_us``: what is added to every stamp, the same in all of the folder."""
         self.path = path
         self.size = 0
+        self.shift_us = shift_us
         self._jpeg_quality, self._rate_hz = jpeg_quality, rate_hz
         self._counters = counters
         self._files: dict[str, BinaryIO] = {}
@@ -69,12 +77,13 @@ class FlightWriter:
             self._video = JpegMatroska(self._file(VIDEO), width, height, self._rate_hz)
         index = self._video.write(jpeg)
         self._note(VIDEO, len(jpeg))
-        self._rows.append(b"%d,%d,%d,%d\n" % (index, frame.stamp_us, frame.arrival_us, frame.number))
+        stamp_us, arrival_us = frame.stamp_us + self.shift_us, frame.arrival_us + self.shift_us
+        self._rows.append(b"%d,%d,%d,%d\n" % (index, stamp_us, arrival_us, frame.number))
         self._counters["frames"] += 1
 
     def mavlink(self, arrival_us: int, packet: bytes) -> None:
         """Append a packet with its arrival."""
-        self._put(TELEMETRY, arrival_us.to_bytes(8, "big") + packet)
+        self._put(TELEMETRY, (arrival_us + self.shift_us).to_bytes(8, "big") + packet)
         self._counters["packets"] += 1
 
     def message(self, topic: str, line: bytes) -> None:
@@ -129,19 +138,16 @@ class FlightWriter:
         self._changed.add(name)
 
 
-def new_folder(directory: Path) -> Path:
+def new_folder(directory: Path, unix_us: int) -> Path:
     """A folder named by the time (UTC) that does not exist yet; a clock set back finds its names taken."""
-    name = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
-    number = 1
-    while True:
-        path = directory / (name if number == 1 else f"{name}-{number}")
+    for path in free_names(directory, folder_name(unix_us)):
         try:
             path.mkdir()
         except FileExistsError:
-            number += 1
             continue
         _force_directory(directory)
         return path
+    raise AssertionError("there is always another name")
 
 
 def _force(file: BinaryIO) -> None:

@@ -8,6 +8,7 @@ that has reached its size is followed by a new one; what stops a recording is tr
 import shutil
 import threading
 import time
+import uuid
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from pathlib import Path
 from drivers.events import DriverEvent
 from drivers.files.disk_room import DiskRoom
 from drivers.files.flight_writer import MESSAGE_FILES, FlightPapers, FlightWriter, new_folder
+from drivers.files.folder_clock import FolderClock, read_clock, set_right, write_clock
 from drivers.samples import Frame
 from drivers.system.host_clock import now_us
 
@@ -66,6 +68,11 @@ class Recorder:
         self._flight: FlightWriter | None = None
         self._folder: Path | None = None
         self._retry_at = 0.0
+        self._process = uuid.uuid4().hex
+        self._offset_us, self._date_source = 0, ""
+        self._names_due = True
+        self.kept_open: Path | None = None
+        """A folder that others still write into; it keeps its name until they are done."""
         self._dropped_since, self._said_at = 0, float("-inf")
         self._events: deque[DriverEvent] = deque(maxlen=100)
         self.stopped = ""
@@ -106,6 +113,23 @@ class Recorder:
             if self._wanted:
                 self._end("other settings")
                 self._begin()
+
+        self._put(work)
+
+    def set_date(self, offset_us: int, source: str) -> None:
+        """The date is known: what is to be added to the companion's times, and where it is from."""
+
+        def work() -> None:
+            self._offset_us, self._date_source = offset_us, source
+            directory = self._options.directory
+            for path in directory.iterdir() if directory.is_dir() else ():
+                clock = read_clock(path)
+                if clock is None or clock.process != self._process:
+                    continue
+                present = self._flight is not None and path == self._flight.path
+                if present or clock.add_us is None:
+                    self._note_clock(path, clock)
+            self._names_due = True
 
         self._put(work)
 
@@ -186,7 +210,7 @@ class Recorder:
             with self._wake:
                 self._wake.wait_for(lambda: self._work or self._closing, self._options.sync_interval_s)
                 if self._closing and not self._work:
-                    return
+                    break
                 size, work = self._work.popleft() if self._work else (0, None)
                 self._waiting_bytes -= size
             try:
@@ -195,8 +219,13 @@ class Recorder:
                 if time.monotonic() >= next_sync:
                     next_sync = time.monotonic() + self._options.sync_interval_s
                     self._sync()
+                    self._set_names_right()
             except OSError as error:
                 self._fail(error)
+        try:
+            self._set_names_right()
+        except OSError as error:
+            self._fail(error)
 
     def _begin(self) -> None:
         """A new folder, when there is room for one; else why there is none stands in ``stopped``."""
@@ -211,11 +240,17 @@ class Recorder:
         self._report("recording_started", "info", str(self._folder))
 
     def _open(self) -> None:
-        folder = new_folder(self._options.directory)
+        began_us = now_us()
+        folder = new_folder(self._options.directory, began_us + self._offset_us)
         self._folder = folder
         o = self._options
         try:
-            self._flight = FlightWriter(folder, o.jpeg_quality, o.rate_hz, self._papers, self.counters)
+            shift_us = self._offset_us
+            self._flight = FlightWriter(
+                folder, o.jpeg_quality, o.rate_hz, self._papers, self.counters, shift_us
+            )
+            add_us = 0 if self._date_source else None
+            write_clock(folder, FolderClock(began_us + shift_us, add_us, self._date_source, self._process))
         except OSError:
             shutil.rmtree(folder, ignore_errors=True)  # every attempt would leave one
             raise
@@ -226,6 +261,28 @@ class Recorder:
         if flight is not None:
             flight.close()
             self._report("recording_stopped", severity, f"{flight.path}: {reason}")
+            self._names_due = True
+
+    def _note_clock(self, path: Path, clock: FolderClock) -> None:
+        """What makes the folder's times true; those of a folder begun with a date carry that one's offset already."""
+        flight = self._flight
+        shift_us = flight.shift_us if flight is not None and flight.path == path else 0
+        add_us = self._offset_us - shift_us
+        if add_us != clock.add_us:
+            write_clock(path, FolderClock(clock.begun_us, add_us, self._date_source, clock.process))
+
+    def _set_names_right(self) -> None:
+        """Folders begun before the date was known get their true names, once nobody writes into them."""
+        directory = self._options.directory
+        if not self._names_due or not self._date_source or not directory.is_dir():
+            return
+        busy = {self.kept_open} | ({self._flight.path} if self._flight is not None else set())
+        open_now = {path for path in busy if path is not None}
+        self._names_due = bool(open_now)
+        for old, new in set_right(directory, open_now):
+            if self._folder == old:
+                self._folder = new
+            self._report("recording_renamed", "info", f"{old} is {new.name} now")
 
     def _sync(self) -> None:
         flight = self._flight

@@ -23,6 +23,7 @@ from drivers.samples import (
     Sample,
     StatusText,
     SystemStatus,
+    SystemTime,
     Vector3,
     Velocity,
 )
@@ -50,7 +51,16 @@ _NO_AXIS = 0x7FFF
 _RC_FIELDS = tuple(f"chan{i}_raw" for i in range(1, 19))
 _RC_NONE = 0xFFFF
 _OF_MANY = frozenset(
-    {"TIMESYNC", "COMMAND_ACK", "RC_CHANNELS", "SYS_STATUS", "STATUSTEXT", "MANUAL_CONTROL", "CURRENT_MODE"}
+    {
+        "TIMESYNC",
+        "COMMAND_ACK",
+        "RC_CHANNELS",
+        "SYS_STATUS",
+        "STATUSTEXT",
+        "MANUAL_CONTROL",
+        "CURRENT_MODE",
+        "SYSTEM_TIME",
+    }
 )
 """Messages that gimbals, companions and ground stations send too: another component's is nothing to report."""
 _RESULTS = {n: e.name.removeprefix("MAV_RESULT_") for n, e in mavlink.enums["MAV_RESULT"].items()}
@@ -214,6 +224,9 @@ class TelemetryDecoder:
             return []  # the autopilot's own request, or an answer to somebody else
         return [ClockOffset(arrival_us, boot_us, (sent_us + arrival_us) // 2 - boot_us, trip_us)]
 
+    def _system_time(self, m: Any, arrival_us: int) -> list[Sample]:
+        return [SystemTime(arrival_us, int(m.time_unix_usec))]
+
     def _command_ack(self, m: Any, arrival_us: int) -> list[Sample]:
         if m.target_component not in (0, self._own_component):
             return []
@@ -249,6 +262,7 @@ _HANDLERS: dict[str, Callable[[TelemetryDecoder, Any, int], list[Sample]]] = {
     "EXTENDED_SYS_STATE": TelemetryDecoder._extended_state,
     "RC_CHANNELS": TelemetryDecoder._rc_channels,
     "TIMESYNC": TelemetryDecoder._timesync,
+    "SYSTEM_TIME": TelemetryDecoder._system_time,
     "COMMAND_ACK": TelemetryDecoder._command_ack,
 }
 

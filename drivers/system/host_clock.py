@@ -5,9 +5,19 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-_WALL_MINUS_MONOTONIC_US = time.time_ns() // 1000 - time.monotonic_ns() // 1000
 EARLIEST_UNIX_S = 1_767_225_600
 """1 January 2026, UTC: before the first version; no clock that shows an earlier date was ever set."""
+
+
+def _base_us() -> int:
+    """Wall minus monotonic clock; a board that wakes in 1970 counts from ``EARLIEST_UNIX_S``, so that its recordings
+    carry stamps that readers take for stamps."""
+    wall_us = max(time.time_ns() // 1000, EARLIEST_UNIX_S * 1_000_000)
+    return wall_us - time.monotonic_ns() // 1000
+
+
+_WALL_MINUS_MONOTONIC_US = _base_us()
+_BEGAN_WITH_DATE = time.time() >= EARLIEST_UNIX_S
 _drivers: list[Callable[[], int]] = []
 
 
@@ -18,9 +28,14 @@ def now_us() -> int:
     return time.monotonic_ns() // 1000 + _WALL_MINUS_MONOTONIC_US
 
 
-def has_date() -> bool:
-    """Whether the wall clock can be right: a board without a battery starts in the past, until it hears the time."""
-    return time.time() >= EARLIEST_UNIX_S
+def began_with_date() -> bool:
+    """Whether the wall clock could be right when the process began."""
+    return _BEGAN_WITH_DATE
+
+
+def is_driven() -> bool:
+    """Whether a simulation's clock is the companion's."""
+    return bool(_drivers)
 
 
 @contextmanager

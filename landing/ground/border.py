@@ -58,6 +58,10 @@ class Standing:
     lasting: bool = False
 
 
+_LEAST_SHOWN = 0.3
+"""Share of a strip further in that must show ground to compare the outer one with."""
+
+
 @dataclass(frozen=True, slots=True)
 class _Before:
     """What plane and motion say of where the newest frame's points were ``gap`` frames ago.
@@ -129,6 +133,7 @@ class Border:
     def __init__(self, options: EstimatorOptions, camera: CameraModel) -> None:
         self.options, self.camera = options, camera
         self._warp = Warp(camera)
+        self._barred = camera.barred(1)
         self._sides = [_Side(camera, axis, far) for axis, far in SIDES]
         self._middles = np.array([side.middle for side in self._sides])
         self._middle_rays = np.concatenate([side.middle_ray for side in self._sides])
@@ -249,13 +254,17 @@ class Border:
         # u and v of the slopes, what has changed, the pixels across the side where each was seen: of each strip's lines
         slopes = np.stack([slope[:, p.begin - first : p.begin - first + depth] for p in places])
         changed, across = np.empty((2, len(places), *slopes.shape[2:]), np.float32)
-        for place, left, beside in zip(places, changed, across, strict=True):
+        shown = np.ones(changed.shape, bool)  # what shows ground in both frames
+        for place, left, beside, free in zip(places, changed, across, shown, strict=True):
             rows, columns = side.window(place.begin, depth)
             at = self._warp.places(place.before.on_plane, rows, columns)
             old = views.tracker.images[place.before.gap]
             warped = cv2.remap(old, at, _NO_SECOND_MAP, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT_101)
             left[:] = side.lines(cv2.subtract(new[rows, columns], warped, dtype=cv2.CV_32F))
             beside[:] = side.lines(at[..., side.axis])
+            if self._barred is not None:
+                there = cv2.remap(self._barred.astype(np.uint8), at, _NO_SECOND_MAP, cv2.INTER_NEAREST)
+                free[:] = side.lines(~(self._barred[rows, columns] | (there > 0)))
         # per unit height, of the outer blocks and of those further in: (strip, u and v, 1, block, 1)
         shift = np.stack([place.parallax for place in places]).transpose(1, 0, 3, 2)[:, :, :, None, :, None]
         # in each block what unit height changes, what has changed, and what is the same everywhere
@@ -274,10 +283,16 @@ class Border:
         locking2 = o.border_locking_px**2 / np.maximum(moved2, 1e-6)
         outer = across[:, :_DEPTH]
         seen = (outer.min(axis=(1, 3)) >= 0) & (outer.max(axis=(1, 3)) <= side.across_px - 1)
+        seen &= shown[:, :_DEPTH].all(axis=(1, 3))
         information = np.where(seen, 1 / (o.border_noise**2 * noise + locking2), 0.0)
         # of the inner strip as a whole
         by_height = (slopes[:, :, _REFERENCE] * shift[1]).sum(axis=1).reshape(len(places), -1)
-        by_height -= by_height.mean(axis=1, keepdims=True)
+        inner = shown[:, _REFERENCE].reshape(len(places), -1)
+        by_height -= (by_height * inner).sum(axis=1, keepdims=True) / np.maximum(
+            inner.sum(axis=1, keepdims=True), 1
+        )
+        by_height *= inner
+        information[inner.mean(axis=1) < _LEAST_SHOWN] = 0.0
         left = changed[:, _REFERENCE].reshape(len(places), -1)
         common = (left * by_height).sum(axis=1) / np.maximum((by_height**2).sum(axis=1), 1e-9)
         return _Strips(places, height - common[:, None], information)

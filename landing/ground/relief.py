@@ -90,8 +90,10 @@ class DenseRelief:
         height, width = self._rows * BLOCK, self._columns * BLOCK
         self._size = (height, width)
         self._grid = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
-        self.mask = np.zeros(len(self._centres), bool)
-        """Blocks (n,) that never show the ground."""
+        barred = self._barred = camera.barred(SUPPORT // 2)
+        column, row = np.rint(self._centres).astype(np.intp).T
+        self.mask = np.zeros(len(self._centres), bool) if barred is None else barred[row, column]
+        """Blocks (n,) whose window holds something that is not the ground."""
         self._moved, self._frames = math.inf, 0
 
     @property
@@ -199,7 +201,7 @@ class DenseRelief:
         return np.asarray(np.hypot(left[:, 0], left[:, 1]) <= _STEP_PX)
 
     def _inside(self, places: NDArray[np.float32], flow: Array, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-        """Blocks (n,) whose window lies in the older picture."""
+        """Blocks (n,) whose window lies in the older picture, and not on its mask."""
         x, y = np.rint(self._centres + flow).astype(np.intp).T
         height, width = self._size
         inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
@@ -207,6 +209,9 @@ class DenseRelief:
         margin = SUPPORT / 2
         inside &= (there >= margin).all(axis=1)
         inside &= (there[:, 0] <= shape[1] - 1 - margin) & (there[:, 1] <= shape[0] - 1 - margin)
+        if self._barred is not None:
+            column, row = np.rint(there).astype(np.intp).T
+            inside &= ~self._barred[row.clip(0, shape[0] - 1), column.clip(0, shape[1] - 1)]
         return inside
 
     def _direction(self, t: Array) -> Array:

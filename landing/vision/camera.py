@@ -36,8 +36,11 @@ class CameraModel:
         *,
         equidistant: bool = False,
         intrinsics_covariance: NDArray[np.float64] | None = None,
+        mask: NDArray[np.bool_] | None = None,
     ) -> None:
         """``matrix`` (3, 3) and ``distortion`` (4, 5, 8, 12 or 14,) as OpenCV and ROS have them.
+
+        ``mask`` (height, width): pixels that never show the ground.
 
         ``equidistant``: a wide lens, ``distortion`` (4,) as of cv2.fisheye. ``readout_s``: time from the first row's
         exposure to the last's; 0: global shutter, negative: the last row is exposed first, None: not known.
@@ -46,6 +49,11 @@ class CameraModel:
         self.readout_s = readout_s
         self.intrinsics_covariance = intrinsics_covariance
         self.width, self.height = int(width), int(height)
+        self.mask = None if mask is None else np.asarray(mask, bool)
+        if self.mask is not None and self.mask.shape != (self.height, self.width):
+            raise LandingError(
+                f"the mask is {self.mask.shape[1]} x {self.mask.shape[0]}, the camera gives {width} x {height}"
+            )
         self.matrix = np.asarray(matrix, np.float64).reshape(3, 3)
         self.distortion = np.zeros(5) if distortion is None else np.asarray(distortion, np.float64).ravel()
         self.body_from_camera = np.asarray(body_from_camera, np.float64).reshape(3, 3)
@@ -94,12 +102,20 @@ class CameraModel:
         focal_px: float,
         body_from_camera: NDArray[np.float64] = DOWN,
         readout_s: float | None = 0.0,
+        mask: NDArray[np.bool_] | None = None,
     ) -> "CameraModel":
         """A camera without distortion whose axis meets the middle of the image."""
         matrix = np.array(
             ((focal_px, 0, (width - 1) / 2), (0, focal_px, (height - 1) / 2), (0, 0, 1)), np.float64
         )
-        return cls(width, height, matrix, None, body_from_camera, readout_s)
+        return cls(width, height, matrix, None, body_from_camera, readout_s, mask=mask)
+
+    def barred(self, margin_px: int) -> NDArray[np.bool_] | None:
+        """Pixels (height, width) with one of the mask within ``margin_px`` in rows and columns; None without a mask."""
+        if self.mask is None:
+            return None
+        side = 2 * margin_px + 1
+        return cv2.dilate(self.mask.astype(np.uint8), np.ones((side, side), np.uint8)).view(bool)
 
     def changed(self, change: NDArray[np.float64]) -> "CameraModel":
         """The same camera with fx, fy, cx, cy and the distortion changed by ``change`` (4 + k,)."""

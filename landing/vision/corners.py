@@ -46,8 +46,12 @@ class Corners:
         cells[self.cell_of(pixels)] = True
         return cells
 
-    def find(self, tensor: Tensor, tracked: NDArray[np.float32]) -> NDArray[np.float32]:
+    def find(
+        self, tensor: Tensor, tracked: NDArray[np.float32], barred: NDArray[np.bool_] | None = None
+    ) -> NDArray[np.float32]:
         """The best corner (n, 2) px of each cell without one of ``tracked`` (m, 2) px, the loneliest cells first.
+
+        None at ``barred`` pixels (height, width).
 
         By the smaller eigenvalue of the structure tensor (Shi and Tomasi, "Good features to track", 1994).
         """
@@ -66,6 +70,9 @@ class Corners:
         taken[v, u] = 1
         side = 2 * (o.spacing_px // 2) + 1
         beside = cv2.dilate(taken, np.ones((side, side), np.uint8)).view(bool)
+        if barred is not None:
+            rows, columns = strength.shape
+            beside |= barred[: rows * BLOCK : BLOCK, : columns * BLOCK : BLOCK]
         members = self._members.take(free, 0)
         among = strength.ravel().take(members)
         among *= ~beside.ravel().take(members)

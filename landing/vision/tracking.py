@@ -69,6 +69,9 @@ class FeatureTracker:
         self.refused = 0
         self.images: deque[Image] = deque(maxlen=self.IMAGES)
         """The last pictures as they were matched, the newest first."""
+        self._barred = camera.barred(options.window_px // 2)
+        """Pixels (height, width) about which a window would hold something else than ground."""
+        self._shown = None if camera.mask is None else np.where(camera.mask, 0, 255).astype(np.uint8)
         self._reference = Reference(camera, options)
         self._texture = Texture(camera, options)
         self._corners = Corners(camera, options)
@@ -131,14 +134,23 @@ class FeatureTracker:
         o = self.options
         if o.level_px > 0:
             side = 2 * (o.level_px // 2) + 1
+            image = self._filled(image, side)
             image = cv2.addWeighted(image, 1.0, cv2.blur(image, (side, side)), -1.0, 128.0)
-        mean, spread = cv2.meanStdDev(image)
+        mean, spread = cv2.meanStdDev(image, mask=self._shown)
         gain = min(o.contrast / max(float(spread[0, 0]), 1e-3), o.max_gain)
         if gain != 1:
             image = cv2.convertScaleAbs(image, alpha=gain, beta=128 - gain * float(mean[0, 0]))
         if o.blur_px > 0:
             image = cv2.GaussianBlur(image, (5, 5), o.blur_px)
         return image
+
+    def _filled(self, image: Image, side: int) -> Image:
+        """The image with the ground's local mean where the mask is: a dark skid must not shade the ground beside it."""
+        if self._shown is None:
+            return image
+        ground = cv2.bitwise_and(image, image, mask=self._shown)
+        total, share = (cv2.blur(part, (side, side)).astype(np.float32) for part in (ground, self._shown))
+        return np.where(self._shown > 0, image, total * 255 / np.maximum(share, 1.0)).astype(np.uint8)
 
     def _follow(self, image: Image, new_from_previous: NDArray[np.float64] | None) -> None:
         slots = self.alive.nonzero()[0]
@@ -162,6 +174,10 @@ class FeatureTracker:
                 found, good, inside = self._match(reference.image, image, start, last, o.levels_unpredicted)
         self.refused += int(np.count_nonzero(inside > good))
         self.pixels[slots] = found
+        if self._barred is not None:
+            good = good.copy()
+            column, row = np.rint(found[good]).astype(np.intp).T
+            good[good] = ~self._barred[row, column]
         self.alive[slots] = good
 
     def _from_reference(
@@ -218,7 +234,7 @@ class FeatureTracker:
         """Take this frame as the reference and put a corner into every cell that has no track."""
         self._drop_twins()
         tensor = structure_tensor(image)
-        corners = self._corners.find(tensor, self.pixels.compress(self.alive, 0))
+        corners = self._corners.find(tensor, self.pixels.compress(self.alive, 0), self._barred)
         if len(corners) > len(self.alive) - np.count_nonzero(self.alive):
             self._thin_out()
         free = (~self.alive).nonzero()[0][: len(corners)]

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from drivers.errors import DriverError
 from drivers.samples import Frame
+from drivers.simulated.world.in_view import InView, Seen
 from drivers.simulated.world.render import Renderer
 from drivers.simulated.world.truth import FrameTruth, frame_truth
 
@@ -47,6 +48,8 @@ class SensorOptions:
     brightness: float = 1.0
     contrast: float = 1.0
     """Scales grey values about 128."""
+    in_view: str = "nothing"
+    """What is in the picture beside the ground, one of ``in_view.IN_VIEW``."""
 
     def __post_init__(self) -> None:
         for name, low, high in (
@@ -75,6 +78,8 @@ class SimulatedCamera:
         self.options = SensorOptions() if options is None else options
         self.seed = seed
         lens = renderer.lens
+        nothing = self.options.in_view == "nothing"
+        self._in_view = None if nothing else InView(self.options.in_view, lens, seed)
         y, x = np.mgrid[0 : lens.height, 0 : lens.width]
         radius2 = (x - lens.matrix[0, 2]) ** 2 + (y - lens.matrix[1, 2]) ** 2
         self._vignette = (1 - self.options.vignetting * radius2 / radius2.max()).astype(np.float32)
@@ -89,6 +94,8 @@ class SimulatedCamera:
             )
         else:
             light = self._instant(time_s, trajectory)
+        if self._in_view is not None:
+            light = self._in_view.draw(np.asarray(light, np.float32), self._seen(trajectory(time_s)), time_s)
         drift = 1 + o.exposure_drift * math.sin(2 * math.pi * time_s / o.exposure_period_s + self.seed)
         picture = (128 + o.contrast * (light - 128)) * (self._vignette * np.float32(o.brightness * drift))
         if o.noise_sigma > 0:
@@ -120,6 +127,14 @@ class SimulatedCamera:
                 Frame(number, stamp, stamp + round(latency_s * 1e6), image),
                 self.truth(number, time_s, trajectory),
             )
+
+    def _seen(self, pose: Pose) -> Seen:
+        """The camera at a pose, and what of it a shadow needs."""
+        north, east, down = pose.position.tolist()
+        height_m = -down - self.renderer.world.height_at(north, east)
+        heading = math.atan2(pose.ned_from_body[1, 0], pose.ned_from_body[0, 0])
+        mount = self.renderer.lens.body_from_camera
+        return Seen(pose.position, pose.ned_from_body @ mount, heading, max(height_m, 0.05))
 
     def _instant(self, time_s: float, trajectory: Trajectory) -> NDArray[np.float32]:
         renderer, o = self.renderer, self.options
