@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.refusals import RefusalCode
+
 Vector3 = tuple[float, float, float]
 
 GRAVITY = 9.80665
@@ -167,11 +169,11 @@ class CommandAnswer:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """An input that was refused, with a named reason; counted, never dropped in silence."""
+    """An input that was refused, with its reason; counted, never dropped in silence."""
 
     arrival_us: int
     source: str
-    reason: str
+    reason: RefusalCode
     detail: str = field(default="", compare=False)
 
 

@@ -3,6 +3,8 @@
 from collections import deque
 from dataclasses import dataclass
 
+from drivers.refusals import RefusalCode
+
 WITNESSES = 3
 """Frames in a row that fell back and rise among themselves: the clock was set, they are not out of order."""
 
@@ -56,21 +58,21 @@ class FrameTimeline:
         self._steps: deque[_Step] = deque(maxlen=8)
         self._taken_out: Correction | None = None
 
-    def feed(self, stamp_us: int) -> FrameTime | str:
-        """The times of a frame, or why it is refused: "repeated_stamp", "backward_stamp"."""
+    def feed(self, stamp_us: int) -> FrameTime | RefusalCode:
+        """The times of a frame, or why it is refused: REPEATED_STAMP, BACKWARD_STAMP."""
         if self._last_us is None:
             self._last_us = self._time_us = stamp_us
             return FrameTime(stamp_us, stamp_us)
         delta_us = stamp_us - self._last_us
         if delta_us == 0:
-            return "repeated_stamp"
+            return RefusalCode.REPEATED_STAMP
         jump_us = 0
         if delta_us < 0:
             self._fallen = (
                 [*self._fallen, stamp_us] if not self._fallen or stamp_us > self._fallen[-1] else [stamp_us]
             )
             if len(self._fallen) < WITNESSES:
-                return "backward_stamp"
+                return RefusalCode.BACKWARD_STAMP
             jump_us = round(self._fallen[0] - self._last_us - self._period_us)
             self.shift_us += jump_us
             self._steps.append(_Step(jump_us, self._fallen[0], stamp_us - self.shift_us, jump_us))

@@ -15,6 +15,7 @@ from companion.messages.conditions import Condition
 from companion.messages.events import event
 from companion.messages.messages import Message, estimate_message
 from companion.settings.settings import Settings
+from drivers.refusals import RefusalCode
 from drivers.samples import Frame, Refusal, Sample, Velocity
 from landing.estimate import SurfaceEstimate
 from landing.ground.landing_area import LandingArea
@@ -26,9 +27,6 @@ from landing.vision.camera import CameraModel
 
 ATTITUDE_WITNESSES = 3
 """Frames in a row without an attitude (or with one again) before an event tells of it."""
-
-SECOND_VEHICLE = ("second_vehicle", "another_vehicle")
-"""Reasons of refusals, of recordings and of the live link, that report a second vehicle."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +174,7 @@ class Core:
         if not refusals:
             self._health.count(sample, self._sync.now_us)
         if isinstance(sample, Refusal):
-            if sample.reason in SECOND_VEHICLE and not self._health.vehicles_clash:
+            if sample.reason is RefusalCode.SECOND_VEHICLE and not self._health.vehicles_clash:
                 self._health.vehicles_clash = True
                 out.append(event("second_vehicle", None, sample.arrival_us, details={"heard": sample.detail}))
         elif isinstance(sample, Frame):
@@ -201,7 +199,7 @@ class Core:
             "" if right else f"pictures are {width} x {height}, not {asked[0]} x {asked[1]}"
         )
         if not right:
-            self._health.refuse("frames", "image_size")
+            self._health.refuse("frames", RefusalCode.IMAGE_SIZE)
             self._no_estimate(frame, ready.exposure_us, "image_size", out)
             return
         if not isinstance(attitude, BodyAttitude):

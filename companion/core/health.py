@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from companion.messages.conditions import Code, Condition, condition, gravest_first, state_of
 from companion.messages.messages import Health, InputHealth
 from companion.settings.settings import HealthSettings
+from drivers.refusals import RefusalCode
 from drivers.samples import (
     Attitude,
     ClockOffset,
@@ -151,7 +152,7 @@ class HealthMonitor:
         if now_us == 0:
             self._early.add(INPUTS[type(sample)])
 
-    def refuse(self, name: str, reason: str) -> None:
+    def refuse(self, name: str, reason: RefusalCode) -> None:
         """Count a refusal of an input."""
         self.counters[f"refused {name}: {reason}"] += 1
         if name in self._inputs:

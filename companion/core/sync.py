@@ -14,6 +14,7 @@ from companion.clocks.link_watch import LinkWatch
 from companion.core.attitude import AttitudeBuffer, BodyAttitude
 from companion.core.velocity import VelocityBuffer
 from companion.settings.settings import Settings
+from drivers.refusals import RefusalCode
 from drivers.samples import Attitude, ClockOffset, Frame, Imu, Sample, Velocity
 
 MILLISECOND_US = 1000
@@ -83,7 +84,7 @@ class Synchroniser:
         self._waiting: deque[_Waiting] = deque()
         self._settled = False
         self.now_us = 0
-        self._refused: list[tuple[str, str]] = []
+        self._refused: list[tuple[str, RefusalCode]] = []
 
     def feed(self, sample: Sample) -> tuple[list[ReadyFrame], list[Notice]]:
         """Take one sample."""
@@ -123,7 +124,7 @@ class Synchroniser:
             ready.append(self._leave(self._waiting.popleft(), reason))
         return ready
 
-    def refusals(self) -> list[tuple[str, str]]:
+    def refusals(self) -> list[tuple[str, RefusalCode]]:
         """(input, reason) of the samples refused here since the last call."""
         refused, self._refused = self._refused, []
         return refused
@@ -137,7 +138,7 @@ class Synchroniser:
 
     def _take_frame(self, frame: Frame, notices: list[Notice]) -> None:
         times = self.frame_time.feed(frame.stamp_us)
-        if isinstance(times, str):
+        if isinstance(times, RefusalCode):
             self._refused.append(("frames", times))
             return
         if times.jump_us:
@@ -150,7 +151,7 @@ class Synchroniser:
         self, sample: TelemetrySample, ready: list[ReadyFrame], notices: list[Notice]
     ) -> None:
         if self._copies.is_copy(sample):
-            self._refused.append((_INPUT[type(sample)], "repeated_message"))
+            self._refused.append((_INPUT[type(sample)], RefusalCode.REPEATED_MESSAGE))
             return
         exact = isinstance(sample, Imu) and sample.source in MICROSECOND_SOURCES
         arrival = self.clock.feed(sample.boot_us, sample.arrival_us, 0 if exact else MILLISECOND_US)
@@ -177,7 +178,7 @@ class Synchroniser:
             self._watch_link(sample.arrival_us - self.clock.shift_us, arrival.boot_us, notices)
             self._keep(sample, arrival.boot_us)
         else:
-            self._refused.append((_INPUT[type(sample)], "boot_time_fell"))
+            self._refused.append((_INPUT[type(sample)], RefusalCode.BOOT_TIME_FELL))
 
     def _watch_link(self, steady_us: int, boot_us: int, notices: list[Notice]) -> None:
         if self.clock.settled:
@@ -219,7 +220,7 @@ class Synchroniser:
         else:
             taken = self._velocities.add_velocity(boot_us, sample.velocity_ned)
         if not taken:
-            self._refused.append((_INPUT[type(sample)], "out_of_order"))
+            self._refused.append((_INPUT[type(sample)], RefusalCode.OUT_OF_ORDER))
 
     def _ready(self) -> list[ReadyFrame]:
         ready = []

@@ -63,7 +63,7 @@ class CameraExamination:
             return [Finding("camera", "failure", fault, remedy)]
         findings = [self._opened(), self._rate(), self._exposure(), self._sharpness(), self._calibration()]
         if self._refused:
-            reasons = sorted({refusal.reason for refusal in self._refused})
+            reasons = sorted({refusal.reason.words for refusal in self._refused})
             text = f"{len(self._refused)} frames refused: {', '.join(reasons)}"
             findings.append(
                 Finding("frames", "warning", text, "look at the camera's settings and its driver")

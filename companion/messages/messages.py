@@ -128,7 +128,12 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
         None
     )
     inputs: Annotated[dict[str, InputHealth], about("every input by name")]
-    counters: Annotated[dict[str, int], about("everything counted, by name")]
+    counters: Annotated[
+        dict[str, int],
+        about(
+            "everything counted, by name; refused inputs as `refused INPUT: CODE`, codes in the table below"
+        ),
+    ]
     clock_offset_s: Annotated[float | None, about("companion clock minus autopilot clock", "s")]
     clock_std_s: Annotated[float | None, about("standard deviation of clock_offset_s", "s")]
     camera_late_s: Annotated[

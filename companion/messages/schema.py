@@ -9,6 +9,7 @@ from companion.errors import LandslopeError
 from companion.messages.events import EVENTS
 from companion.messages.messages import TOPICS, Topic
 from companion.messages.preview import Preview
+from drivers.refusals import REFUSAL_MEANING
 from landing.decision.withheld import WORDS
 from landing.reasons import MEANING, STATUS_MEANING
 
@@ -104,6 +105,7 @@ def tables() -> str:
         values_table("Statuses of an estimate", "status", STATUS_MEANING),
         values_table("Reasons of a verdict", "code", MEANING),
         values_table("What withholds a request", "code", WORDS),
+        values_table("Why an input is refused", "code", REFUSAL_MEANING),
         events_table(),
     ]
     return "\n\n".join(parts) + "\n"

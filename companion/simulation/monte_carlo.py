@@ -15,8 +15,8 @@ from typing import Any
 from companion.simulation.flight_result import FlightResult
 from companion.simulation.ground import unsafe
 from companion.simulation.lockstep import LockstepOptions, fly
-from companion.simulation.random_scenario import random_scenario
 from companion.simulation.scenario import Scenario, to_toml
+from companion.simulation.unkind_scenario import scenario_of, seeds_of
 from drivers.system.workers import worker_pool
 
 TRUTH_EVERY = 5
@@ -157,7 +157,7 @@ class Report:
             f"  held back: fit ground too far down or aside {self.held_back}",
             f"  requested on ground that is neither         {sum(r.outcome == 'between' for r in self.runs)}",
             f"  the software broke                          {self.crashes}",
-            "  by ground: requested, on unfit, unfit beside, missed",
+            "  by ground or class: requested, on unfit (95 % confidence), unfit beside, missed",
         ]
         for kind, count in sorted(kinds.items()):
             runs = [r for r in self.runs if r.ground == kind]
@@ -165,7 +165,9 @@ class Report:
             bad, near, missed = (
                 sum(r.outcome == word for r in runs) for word in ("unsafe", "view", "missed")
             )
-            lines.append(f"    {kind:<8} {count:4d} flights {asked:4d} {bad:4d} {near:4d} {missed:4d}")
+            low, high = (100 * bound for bound in wilson(bad, count))
+            unfit = f"{bad:4d} ({low:.1f} to {high:.1f} %)"
+            lines.append(f"    {kind:<16} {count:4d} flights {asked:4d} {unfit} {near:4d} {missed:4d}")
         lines += [f"  {run}" for run in worst(self.runs)[:KEPT_WORST]]
         lines += [f"  kept {path}" for path in self.kept]
         return "\n".join(lines)
@@ -223,8 +225,11 @@ def fly_many(
     on_run: Callable[[Run], None] = lambda run: None,
     flown: Sequence[Run] = (),
     pool: Pool | None = None,
+    classes: Sequence[str] = ("control",),
 ) -> Report:
-    """Fly ``count`` random scenarios from ``first_seed`` on in ``jobs`` processes; record the worst under ``keep``.
+    """Fly ``count`` random scenarios of each class from ``first_seed`` on in ``jobs`` processes.
+
+    The worst are recorded under ``keep``.
 
     ``on_run`` is given every flight as soon as it has ended, ``on_wrong`` those that went wrong. ``flown`` are counted
     and not flown again. ``pool`` opens another place to fly than processes of this machine.
@@ -233,7 +238,7 @@ def fly_many(
     report = Report()
     report.runs += flown
     known = {run.seed for run in flown}
-    seeds = [seed for seed in range(first_seed, first_seed + count) if seed not in known]
+    seeds = [seed for seed in seeds_of(list(classes), count, first_seed) if seed not in known]
     if pool is None and jobs > 1 and len(seeds) > 1:
         pool = processes(jobs)
     for done, run in enumerate(_all(seeds, AHEAD * jobs, pool, config, tuple(overrides)), 1 + len(flown)):
@@ -241,7 +246,7 @@ def fly_many(
         on_run(run)
         if run.wrong:
             on_wrong(run)
-        progress(done, count)
+        progress(done, count * len(classes))
     report.runs.sort(key=lambda r: r.seed)
     report.elapsed_s = time.perf_counter() - started
     if keep is not None:
@@ -252,7 +257,7 @@ def fly_many(
 
 def fly_one(seed: int, config: Path | None = None, overrides: Sequence[str] = ()) -> Run:
     """Fly the random scenario of a seed and judge it."""
-    scenario = random_scenario(seed)
+    scenario = scenario_of(seed)
     options = LockstepOptions(truth_every=TRUTH_EVERY, stop_at_request=True)
     limit_deg = scenario.flight_settings(config, overrides).decision.max_inclination_deg
     return judge(scenario, fly(scenario, config, overrides, options), limit_deg)
@@ -263,12 +268,14 @@ def judge(scenario: Scenario, result: FlightResult, max_inclination_deg: float) 
     request = result.requests[0] if result.requests else None
     below = result.touch_ground or (request.below if request else None)
     fault = scenario.faults[0].kind if scenario.faults else ""
+    none_due = scenario.expect.landing == "none"
     if request is not None and below is not None:
         outcome = {"fit": "right", "unfit": "view", "between": "between"}[request.fitness]
-        if unsafe(below, max_inclination_deg):
+        if none_due or unsafe(below, max_inclination_deg):
             outcome = "unsafe"
     else:
-        outcome = "missed" if result.longest_chance_s >= OPPORTUNITY_S and not fault else "right"
+        chance = result.longest_chance_s >= OPPORTUNITY_S and not fault and not none_due
+        outcome = "missed" if chance else "right"
     return Run(
         seed=scenario.basics.seed,
         ground=scenario.basics.description,
@@ -321,7 +328,7 @@ def _all(
 
 
 def _crashed(seed: int, error: BaseException) -> Run:
-    scenario = random_scenario(seed)
+    scenario = scenario_of(seed)
     fault = scenario.faults[0].kind if scenario.faults else ""
     what = f"{type(error).__name__}: {error}"
     nothing: tuple[None, None, None, None, None] = (None,) * 5
@@ -335,7 +342,7 @@ def _quiet() -> None:
 
 def _keep(run: Run, directory: Path, config: Path | None, overrides: Sequence[str]) -> Path:
     """Fly a run again, the same bit for bit, and leave its scenario and its flight folder."""
-    scenario = random_scenario(run.seed)
+    scenario = scenario_of(run.seed)
     folder = directory / f"{run.outcome}_{run.seed}"
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "scenario.toml").write_text(to_toml(scenario), encoding="utf-8")

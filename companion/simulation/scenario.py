@@ -88,6 +88,8 @@ class SensorScene:
     attitude_error_deg: Annotated[float, Limits(0, 10, "deg", "wandering error of roll and pitch")] = 0.15
     velocity_noise_m_s: Annotated[float, Limits(0, 2, "m/s", "noise")] = 0.03
     velocity_error_m_s: Annotated[float, Limits(0, 2, "m/s", "wandering error")] = 0.05
+    velocity_scale: Annotated[float, Limits(0, 10, "", "of the velocity told; 0: always zero")] = 1.0
+    velocity_told: Annotated[bool, Meaning("whether LOCAL_POSITION_NED comes at all")] = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -92,6 +92,7 @@ def sensor_errors(scenario: Scenario) -> SensorErrors:
         attitude_error=math.radians(s.attitude_error_deg),
         velocity_noise=s.velocity_noise_m_s,
         velocity_error=s.velocity_error_m_s,
+        velocity_scale=s.velocity_scale,
     )
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.refusals import RefusalCode
 from drivers.samples import Frame, Refusal
 
 SIZE_WITNESSES = 15
@@ -38,17 +39,18 @@ class FrameCheck:
     def _fault(self, frame: Frame) -> Refusal | None:
         image = frame.image
         if image.ndim != 2 or image.size == 0 or image.dtype != np.uint8:
-            return self._refuse(frame, "bad picture", f"shape {image.shape}, type {image.dtype}")
+            return self._refuse(frame, RefusalCode.BAD_PICTURE, f"shape {image.shape}, type {image.dtype}")
         if self._size is not None and image.shape != self._size and not self._size_changes(image.shape):
             now, then = image.shape[::-1], self._size[::-1]
             return self._refuse(
-                frame, "size changed", f"{now[0]} x {now[1]} instead of {then[0]} x {then[1]}"
+                frame, RefusalCode.SIZE_CHANGED, f"{now[0]} x {now[1]} instead of {then[0]} x {then[1]}"
             )
         if self._stamp_us is not None and frame.stamp_us <= self._stamp_us:
-            reason = "stamp repeated" if frame.stamp_us == self._stamp_us else "stamp backward"
+            repeated = frame.stamp_us == self._stamp_us
+            reason = RefusalCode.REPEATED_STAMP if repeated else RefusalCode.BACKWARD_STAMP
             return self._refuse(frame, reason, f"{frame.stamp_us - self._stamp_us} us after the frame before")
         if self._image is not None and np.array_equal(image, self._image):
-            return self._refuse(frame, "picture repeated", "the same picture again, bit for bit")
+            return self._refuse(frame, RefusalCode.PICTURE_REPEATED, "the same picture again, bit for bit")
         return None
 
     def _size_changes(self, size: tuple[int, ...]) -> bool:
@@ -57,5 +59,5 @@ class FrameCheck:
         self._other_size = size
         return self._other_count > SIZE_WITNESSES
 
-    def _refuse(self, frame: Frame, reason: str, detail: str) -> Refusal:
+    def _refuse(self, frame: Frame, reason: RefusalCode, detail: str) -> Refusal:
         return Refusal(frame.arrival_us, self._source, reason, f"frame {frame.number}: {detail}")

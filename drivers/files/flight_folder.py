@@ -13,6 +13,7 @@ from drivers.files.tlog import read_tlog
 from drivers.files.tlog_survey import STEP_US, ClockStep, Survey, survey_tlog
 from drivers.files.video_file import DEFAULT_FPS, Image, VideoFile
 from drivers.mavlink.telemetry import TelemetryDecoder
+from drivers.refusals import RefusalCode
 from drivers.samples import ClockOffset, Frame, Refusal, Sample
 
 VIDEO, STAMPS, TELEMETRY = "camera.mkv", "frames.csv", "vehicle.tlog"
@@ -122,12 +123,12 @@ class FlightFolder:
                 if lost in rows:
                     order, stamp_us = max(order, rows[lost].order_us), rows[lost].stamp_us
                     detail = f"frame {lost} of {VIDEO}"
-                    yield order, 1, Refusal(stamp_us, "camera", "undecodable_frame", detail)
+                    yield order, 1, Refusal(stamp_us, "camera", RefusalCode.UNDECODABLE_FRAME, detail)
             due, decoded = index + 1, decoded + 1
             row = rows.get(index)
             if row is None:
                 detail = f"frame {index} of {VIDEO}"
-                yield order, 1, Refusal(stamp_us, "camera", "frame_without_stamp", detail)
+                yield order, 1, Refusal(stamp_us, "camera", RefusalCode.FRAME_WITHOUT_STAMP, detail)
                 continue
             order, stamp_us = max(order, row.order_us), row.stamp_us
             while refusals and refusals[0].arrival_us < stamp_us:
@@ -140,7 +141,7 @@ class FlightFolder:
         for number in [n for n in rows if n >= due]:
             order, stamp_us = max(order, rows[number].order_us), rows[number].stamp_us
             detail = f"frame {number}: {VIDEO} ends before"
-            yield order, 1, Refusal(stamp_us, "camera", "video_ended", detail)
+            yield order, 1, Refusal(stamp_us, "camera", RefusalCode.VIDEO_ENDED, detail)
 
     def _numbered_images(self) -> Iterator[tuple[int, Image]]:
         """Frames of the video with their number in frames.csv.

@@ -10,6 +10,7 @@ from statistics import median
 
 from drivers.errors import DriverError
 from drivers.files.tlog_survey import STEP_US, ClockStep
+from drivers.refusals import RefusalCode
 from drivers.samples import Refusal
 
 COLUMNS = ("frame", "host_time_us")
@@ -50,7 +51,7 @@ def read_frame_table(path: Path, steps: Sequence[ClockStep] = ()) -> FrameTable:
     if not set(COLUMNS) <= set(reader.fieldnames):
         raise DriverError(f"{path}: {_wrong_header(reader.fieldnames)}")
     stamps: dict[int, int] = {}
-    bad: list[tuple[int, str, str]] = []
+    bad: list[tuple[int, RefusalCode, str]] = []
     last_us = 0
     for line in reader:
         try:
@@ -58,10 +59,12 @@ def read_frame_table(path: Path, steps: Sequence[ClockStep] = ()) -> FrameTable:
                 raise ValueError("it has more values than columns: a decimal comma?")
             number, stamp_us = (_whole(line[column]) for column in COLUMNS)
         except ValueError as error:
-            bad.append((last_us, "unreadable_row", f"line {reader.line_num} of {path.name}: {error}"))
+            bad.append(
+                (last_us, RefusalCode.UNREADABLE_ROW, f"line {reader.line_num} of {path.name}: {error}")
+            )
             continue
         if number in stamps or number < 0 or stamp_us < 0:
-            reason = "repeated_row" if number in stamps else "unreadable_row"
+            reason = RefusalCode.REPEATED_ROW if number in stamps else RefusalCode.UNREADABLE_ROW
             bad.append((last_us, reason, f"line {reader.line_num} of {path.name}, frame {number}"))
             continue
         stamps[number] = last_us = stamp_us

@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from drivers.errors import DriverError
 from drivers.mavlink.telemetry import MESSAGE_IDS, TelemetryDecoder
+from drivers.refusals import RefusalCode
 from drivers.samples import Refusal, Sample
 
 STAMP_RANGE_US = (946_684_800_000_000, 4_102_444_800_000_000)
@@ -50,16 +51,16 @@ def read_tlog(path: Path, decoder: TelemetryDecoder) -> Iterator[Sample]:
     """
     data = bytes_of(path)
     if not data:
-        yield Refusal(0, "vehicle.tlog", "empty_file", str(path))
+        yield Refusal(0, "vehicle.tlog", RefusalCode.EMPTY_FILE, str(path))
     for record in records(data):
         if record.message_id == GARBAGE:
-            reason = "cut_off" if record.end == len(data) else "garbage"
+            reason = RefusalCode.CUT_OFF if record.end == len(data) else RefusalCode.GARBAGE
             detail = f"{record.end - record.start} bytes at {record.start}"
             yield Refusal(record.stamp_us, "vehicle.tlog", reason, detail)
         elif record.message_id in MESSAGE_IDS:
             message = decode_record(data, record)
             if message is None:
-                yield Refusal(record.stamp_us, "vehicle.tlog", "bad_checksum", f"at {record.start}")
+                yield Refusal(record.stamp_us, "vehicle.tlog", RefusalCode.BAD_CHECKSUM, f"at {record.start}")
             else:
                 yield from decoder.decode(message, record.stamp_us)
 

@@ -10,6 +10,7 @@ from cv2.utils import logging as cv2_logging
 from numpy.typing import NDArray
 
 from drivers.errors import DriverError
+from drivers.refusals import RefusalCode
 from drivers.samples import Frame, Refusal
 
 # FFmpeg and OpenCV write a line to stderr for every damaged packet; damage is counted and reported here instead.
@@ -102,7 +103,7 @@ class VideoFile:
         if missing > 0:
             # The container's count is an estimate, so that a short file is one remark, not a row of losses.
             detail = f"{missing} of {self.frame_count} frames of {self.path.name} could not be read"
-            yield Refusal(stamp_us, "camera", "undecodable_frames", detail)
+            yield Refusal(stamp_us, "camera", RefusalCode.UNDECODABLE_FRAME, detail)
 
     def _open(self) -> cv2.VideoCapture:
         capture = cv2.VideoCapture(str(self.path), cv2.CAP_FFMPEG, [cv2.CAP_PROP_N_THREADS, 1])
@@ -135,10 +136,10 @@ class ImageFolder:
             stamp_us = start_us + round(index * period_us)
             image = _read_grey(file)
             if image is None:
-                yield Refusal(stamp_us, "camera", "undecodable_image", ascii(str(file))[1:-1])
+                yield Refusal(stamp_us, "camera", RefusalCode.UNDECODABLE_FRAME, ascii(str(file))[1:-1])
             elif image.shape != (self.height, self.width):
                 detail = f"{file}: {image.shape[1]} x {image.shape[0]}, not {self.width} x {self.height}"
-                yield Refusal(stamp_us, "camera", "image_size", detail)
+                yield Refusal(stamp_us, "camera", RefusalCode.IMAGE_SIZE, detail)
             else:
                 yield Frame(index, stamp_us, stamp_us, image)
 

@@ -4,18 +4,21 @@ Without signing this is a guard against mistakes (two vehicles with one id, a se
 loops), not against an attacker who can read the link.
 """
 
+from enum import Enum, auto
+
 from drivers.mavlink.framing import MARKER_V1, WireFrame
 from drivers.mavlink.ports import Address
+from drivers.refusals import RefusalCode
 
-VEHICLE = "vehicle"
-OTHER = "other"
-NOBODY_YET = "nobody yet"
-SECOND_SENDER = "second sender"
-SEQUENCE = "sequence"
-REPEATED = "repeated"
-ANOTHER_VEHICLE = "another vehicle"
-OWN_ADDRESS = "our own address"
-FOREIGN_SYSTEM = "foreign system"
+
+class Sender(Enum):
+    """Whose frame it is, where it is not refused."""
+
+    VEHICLE = auto()
+    OTHER = auto()
+    NOBODY_YET = auto()
+    """No autopilot's heartbeat was heard yet."""
+
 
 HEARTBEAT_ID = 0
 NO_AUTOPILOT = 8
@@ -41,21 +44,21 @@ class SequenceCheck:
         self._next = None
         self._other_count = 0
 
-    def refusal(self, sequence: int) -> str | None:
+    def refusal(self, sequence: int) -> RefusalCode | None:
         """Why the frame is refused, or None."""
         gap = 0 if self._next is None else (sequence - self._next) & 0xFF
         if gap <= self._max_gap:
             self._take(sequence)
             return None
         if gap == 0xFF:
-            return REPEATED
+            return RefusalCode.REPEATED_FRAME
         follows = self._other_count > 0 and (sequence - self._other_next) & 0xFF <= self._max_gap
         self._other_count = self._other_count + 1 if follows else 1
         self._other_next = (sequence + 1) & 0xFF
         if self._other_count >= self._confirm:
             self._take(sequence)
             return None
-        return SEQUENCE
+        return RefusalCode.SEQUENCE
 
     def _take(self, sequence: int) -> None:
         self._next = (sequence + 1) & 0xFF
@@ -83,34 +86,34 @@ class VehicleIdentity:
         self._sequence = SequenceCheck()
         self._heard_us: int | None = None
 
-    def judge(self, frame: WireFrame, sender: Address, now_us: int) -> str:
-        """VEHICLE, OTHER, NOBODY_YET (no autopilot's heartbeat was heard), or the reason to refuse the frame."""
+    def judge(self, frame: WireFrame, sender: Address, now_us: int) -> Sender | RefusalCode:
+        """Whose frame it is, or the reason to refuse it."""
         autopilot = frame.component == self._component and _autopilot_heartbeat(frame)
         if self.system_id is None and autopilot:
             self.system_id = frame.system
         if self.system_id is None:
-            return NOBODY_YET
+            return Sender.NOBODY_YET
         if frame.system != self.system_id:
             if autopilot and not self._named:
                 self.ambiguous = True
-                return ANOTHER_VEHICLE
-            return OTHER
+                return RefusalCode.SECOND_VEHICLE
+            return Sender.OTHER
         if frame.component == self._own_component:
-            return OWN_ADDRESS
-        return self._same_ids(frame, sender, now_us) if frame.component == self._component else OTHER
+            return RefusalCode.OWN_ADDRESS
+        return self._same_ids(frame, sender, now_us) if frame.component == self._component else Sender.OTHER
 
-    def _same_ids(self, frame: WireFrame, sender: Address, now_us: int) -> str:
+    def _same_ids(self, frame: WireFrame, sender: Address, now_us: int) -> Sender | RefusalCode:
         silent = self._heard_us is None or now_us - self._heard_us > self._silence_us
         if silent:
             self._sequence.forget()
         elif sender != self.sender:
-            return SECOND_SENDER
+            return RefusalCode.SECOND_SENDER
         refusal = self._sequence.refusal(frame.sequence)
         if refusal is not None:
             return refusal
         self.sender = sender
         self._heard_us = now_us
-        return VEHICLE
+        return Sender.VEHICLE
 
 
 def _autopilot_heartbeat(frame: WireFrame) -> bool:

@@ -8,12 +8,11 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from drivers.events import DriverEvent
-from drivers.mavlink import identity
 from drivers.mavlink.command_gate import CommandGate
 from drivers.mavlink.endpoint import Endpoint
 from drivers.mavlink.forward import Forwarder
 from drivers.mavlink.framing import Garbage, WireFrame
-from drivers.mavlink.identity import VehicleIdentity
+from drivers.mavlink.identity import Sender, VehicleIdentity
 from drivers.mavlink.link_options import LinkOptions
 from drivers.mavlink.message_rates import MessageRates
 from drivers.mavlink.outgoing import Sealer
@@ -25,6 +24,7 @@ from drivers.mavlink.signing_memory import SigningMemory
 from drivers.mavlink.telemetry import MESSAGE_IDS, TelemetryDecoder
 from drivers.mavlink.timesync import TimeSync
 from drivers.mavlink.unpacking import Unpacker
+from drivers.refusals import RefusalCode
 from drivers.samples import Attitude, CommandAnswer, Heartbeat, Refusal, Sample
 from drivers.system.host_clock import now_us as host_now_us
 
@@ -46,9 +46,6 @@ ONLY_OF = {"CURRENT_MODE": "px4", "MANUAL_CONTROL": "px4"}
 """Message -> the autopilot that sends it: PX4's HEARTBEAT keeps to 1 Hz, and it passes a joystick's sticks on."""
 MAY_BE_MISSING = frozenset({"MANUAL_CONTROL", "RC_CHANNELS", "CURRENT_MODE"})
 """Messages that come only with a joystick, a receiver, or from newer firmware: none is no rate that is too low."""
-
-UNSIGNED = "unsigned"
-"""The signer's reason."""
 
 
 class Link:
@@ -168,7 +165,7 @@ class Link:
             self._forwarder.write(piece.data)
             if isinstance(piece, Garbage):
                 self.counters["garbage bytes"] += len(piece.data)
-                reason = "bad_checksum" if piece.bad_checksum else "garbage"
+                reason = RefusalCode.BAD_CHECKSUM if piece.bad_checksum else RefusalCode.GARBAGE
                 samples.append(Refusal(now_us, "mavlink", reason, f"{len(piece.data)} bytes"))
             else:
                 samples += self._frame(piece, sender, now_us)
@@ -182,34 +179,34 @@ class Link:
             if reason is not None:
                 return self._refuse(reason, frame, sender, now_us)
         verdict = self._identity.judge(frame, sender, now_us)
-        if verdict == identity.NOBODY_YET:
+        if verdict == Sender.NOBODY_YET:
             self.counters["frames before a heartbeat"] += 1
             return []
-        if verdict == identity.OTHER:
+        if verdict == Sender.OTHER:
             self.counters["frames of others"] += 1
             if frame.system == self._identity.system_id:
                 self._record(frame, now_us)  # another component of the vehicle
             if frame.component != self.options.autopilot_component or frame.message_id not in MESSAGE_IDS:
                 return []
-            verdict = identity.FOREIGN_SYSTEM
-        if verdict != identity.VEHICLE:
+            verdict = RefusalCode.FOREIGN_SYSTEM
+        if isinstance(verdict, RefusalCode):
             return self._refuse(verdict, frame, sender, now_us)
         return self._vehicle_frame(frame, now_us)
 
-    def _refuse(self, reason: str, frame: WireFrame, sender: Address, now_us: int) -> list[Sample]:
+    def _refuse(self, reason: RefusalCode, frame: WireFrame, sender: Address, now_us: int) -> list[Sample]:
         self.counters[f"refused: {reason}"] += 1
         who = f"system {frame.system} component {frame.component}"
         if sender is not None:
             who += f" at {sender[0]}:{sender[1]}"
         if now_us - self._said_us.get(reason, -SAY_AGAIN_US) >= SAY_AGAIN_US:
             self._said_us[reason] = now_us
-            text = f"refused messages of {who}: {reason}"
-            if reason == UNSIGNED:
+            text = f"refused messages of {who}: {reason.words}"
+            if reason is RefusalCode.UNSIGNED:
                 text += "; mavlink.signing_key is set here, but this sender does not sign"
-            if reason == identity.ANOTHER_VEHICLE:
+            if reason is RefusalCode.SECOND_VEHICLE:
                 text += "; set vehicle.system_id, nothing is commanded until then"
             self._event("mavlink_refused", "warning", text, now_us, reason=reason)
-        return [Refusal(now_us, "mavlink", reason.replace(" ", "_"), who)]
+        return [Refusal(now_us, "mavlink", reason, who)]
 
     def _record(self, frame: WireFrame, now_us: int) -> None:
         """For a recording, after the sender was judged: a flood of foreign frames fills no disk."""
@@ -219,7 +216,7 @@ class Link:
     def _forwarded(self, frame: WireFrame) -> bool:
         """A frame of another program to the vehicle; nobody speaks there as us."""
         if frame.system == self.system_id and frame.component == self.options.own_component:
-            self.counters["refused: forwarded in our name"] += 1
+            self.counters[f"refused: {RefusalCode.OUR_NAME}"] += 1
             return False
         return self._port.write(frame.data)
 
@@ -230,7 +227,7 @@ class Link:
             try:
                 message = self._unpacker.unpack(frame)
             except dialect.MAVError as error:
-                return [Refusal(now_us, "mavlink", "undecodable", str(error))]
+                return [Refusal(now_us, "mavlink", RefusalCode.UNDECODABLE, str(error))]
             if not self._for_us(message):
                 self.counters["answers to others"] += 1
                 return []
@@ -322,7 +319,7 @@ class Link:
     @property
     def unsigned_only(self) -> bool:
         """Whether a signing key is set here, and nothing but unsigned messages came."""
-        return self.system_id is None and self.counters[f"refused: {UNSIGNED}"] > 0
+        return self.system_id is None and self.counters[f"refused: {RefusalCode.UNSIGNED}"] > 0
 
     def _tell_slow(self, now_us: int) -> None:
         slow = self.slow

@@ -14,6 +14,7 @@ from pathlib import Path
 from drivers.errors import DriverError
 from drivers.mavlink.framing import MARKER_V2, SIGNATURE_LENGTH, SIGNED, WireFrame, checksum, crc_extra_of
 from drivers.mavlink.signing_memory import SigningMemory, Stream
+from drivers.refusals import RefusalCode
 from drivers.secrets import is_key
 
 log = logging.getLogger(__name__)
@@ -94,17 +95,17 @@ class Signer:
         body += bytes((self._link_id,)) + self._time.to_bytes(6, "little")
         return bytes(body) + self._signature(bytes(body))
 
-    def refusal(self, frame: WireFrame) -> str | None:
-        """Why an incoming frame is refused ("unsigned", "wrong signature", "replayed"); None when it is sound."""
+    def refusal(self, frame: WireFrame) -> RefusalCode | None:
+        """Why an incoming frame is refused; None when it is sound."""
         if not frame.signed:
-            return "unsigned"
+            return RefusalCode.UNSIGNED
         data = frame.data
         if not hmac.compare_digest(self._signature(data[:-6]), data[-6:]):
-            return "wrong signature"
+            return RefusalCode.WRONG_SIGNATURE
         stamp = int.from_bytes(data[-12:-6], "little")
         stream = (data[-13], frame.system, frame.component)
         if stamp <= self._floor(stream):
-            return "replayed"
+            return RefusalCode.REPLAYED
         self._streams[stream] = stamp
         self._time = max(self._time, stamp)
         return None

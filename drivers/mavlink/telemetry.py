@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from drivers.mavlink import current_mode as current_mode  # before the ids are taken from the table
 from drivers.mavlink.flight_modes import AUTOPILOTS, mode_name, vehicle_type
+from drivers.refusals import RefusalCode
 from drivers.samples import (
     GRAVITY,
     Attitude,
@@ -70,7 +71,7 @@ class TelemetryDecoder:
     """One MAVLink message in, samples out; refuses with a reason what it cannot trust.
 
     ``system_id`` 0 takes the first vehicle that speaks; another one's messages are then refused as
-    "second_vehicle" (with a system id given, as "foreign_system"). ``component_id`` is the autopilot's.
+    SECOND_VEHICLE (with a system id given, as FOREIGN_SYSTEM). ``component_id`` is the autopilot's.
     ``own_component``: answers to commands of other components are none of ours.
     Of attitudes, ATTITUDE is taken, ATTITUDE_QUATERNION only where no ATTITUDE comes; of gyros, the best there is.
     """
@@ -103,7 +104,7 @@ class TelemetryDecoder:
             return [Refusal(arrival_us, name, reason, f"from {source}")]
         return handler(self, message, arrival_us)
 
-    def _foreign(self, message: Any, name: str) -> str | None:
+    def _foreign(self, message: Any, name: str) -> RefusalCode | Literal[""] | None:
         """Why a message is not our autopilot's: None if it is, "" where that is nothing to report."""
         system, component = message.get_srcSystem(), message.get_srcComponent()
         if name == "HEARTBEAT" and message.autopilot == mavlink.MAV_AUTOPILOT_INVALID:
@@ -115,8 +116,9 @@ class TelemetryDecoder:
             if self.system_id == 0:
                 self.system_id = system
         if system != self.system_id:
-            return "foreign_system" if self._given or component != self._component else "second_vehicle"
-        return None if component == self._component else "foreign_component"
+            named = self._given or component != self._component
+            return RefusalCode.FOREIGN_SYSTEM if named else RefusalCode.SECOND_VEHICLE
+        return None if component == self._component else RefusalCode.FOREIGN_COMPONENT
 
     def _attitude(self, m: Any, arrival_us: int) -> list[Sample]:
         values = (m.roll, m.pitch, m.yaw, m.rollspeed, m.pitchspeed, m.yawspeed)
@@ -138,7 +140,9 @@ class TelemetryDecoder:
             return [_not_finite("ATTITUDE_QUATERNION", arrival_us)]
         norm = math.hypot(*values[:4])
         if not 0.9 < norm < 1.1:
-            return [Refusal(arrival_us, "ATTITUDE_QUATERNION", "not_a_rotation", f"norm {norm:.3g}")]
+            return [
+                Refusal(arrival_us, "ATTITUDE_QUATERNION", RefusalCode.NOT_A_ROTATION, f"norm {norm:.3g}")
+            ]
         w, x, y, z = (v / norm for v in values[:4])
         roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
         pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
@@ -238,7 +242,7 @@ def _finite(values: tuple[float, ...]) -> bool:
 
 
 def _not_finite(source: str, arrival_us: int) -> Refusal:
-    return Refusal(arrival_us, source, "not_finite")
+    return Refusal(arrival_us, source, RefusalCode.NOT_FINITE)
 
 
 def _boot_us(time_boot_ms: int) -> int:

@@ -23,6 +23,8 @@ class SensorErrors:
     """m/s, white."""
     velocity_error: float = 0.0
     """m/s, wanders as the attitude's error."""
+    velocity_scale: float = 1.0
+    """Of the velocity told; zeros came from an ArduCopter whose EKF had no source of velocity, in SITL."""
 
 
 @dataclass(slots=True)
@@ -69,5 +71,6 @@ class Sensors:
     def velocity(self) -> Vector:
         """NED, m/s, as estimated."""
         noise, n = self._random.gauss, self.errors.velocity_noise
-        v, d = self.vehicle.velocity, self._drift
-        return (v[0] + d[0] + noise(0, n), v[1] + d[1] + noise(0, n), v[2] + d[2] + noise(0, n))
+        v, d, scale = self.vehicle.velocity, self._drift, self.errors.velocity_scale
+        north, east, down = (scale * (v[i] + d[i] + noise(0, n)) for i in range(3))
+        return (north, east, down)

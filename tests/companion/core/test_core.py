@@ -9,6 +9,7 @@ import sample_edits
 from companion.core.core import Core, LandRequest, Processed
 from companion.messages.messages import Decision, Estimate, Event, Health, encode
 from companion.replay.source import PlainCamera, open_source
+from drivers.refusals import RefusalCode
 from drivers.samples import Attitude, Frame, Refusal
 from landing.vision.camera import CameraModel
 
@@ -135,7 +136,7 @@ def test_an_image_of_another_size_is_refused(source, samples):
 
 
 def test_a_second_vehicle_is_told_once_and_nothing_is_requested(source, samples):
-    strange = Refusal(samples[0].arrival_us, "ATTITUDE", "second_vehicle", "from 7:1")
+    strange = Refusal(samples[0].arrival_us, "ATTITUDE", RefusalCode.SECOND_VEHICLE, "from 7:1")
     out = feed(source, [strange, strange, *samples[:600]], enabled=True)
     assert [e.event for e in of(out, Event)].count("second_vehicle") == 1
     assert of(out, LandRequest) == []

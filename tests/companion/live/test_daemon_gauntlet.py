@@ -45,5 +45,5 @@ def test_no_fault_over_the_stairs_makes_a_landing(tmp_path, record_property) -> 
         assert {"camera_lost", "camera_back", "input_stale", "autopilot_rebooted", "landing_accepted"} <= told
         assert not [d for d in bench.of("decision") if d["verdict"] == "fit" and bench.at_s(d) < FLOOR_S]
         counters = bench.counters()
-        assert counters["camera refused: picture repeated"] > 20
+        assert counters["camera refused: picture_repeated"] > 20
         assert counters["refused attitude: not_finite"] > 30

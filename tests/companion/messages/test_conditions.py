@@ -27,6 +27,7 @@ from companion.settings.settings import (
     RecordSettings,
     Settings,
 )
+from drivers.refusals import RefusalCode
 from drivers.samples import Attitude, Frame, Heartbeat, Imu, LandedState, RcChannels, Refusal, Velocity
 from landing.estimate import SurfaceEstimate
 
@@ -197,7 +198,7 @@ def test_a_second_vehicle_on_the_live_link_is_a_condition():
         us = S + k * S // 10
         pipeline.feed([Heartbeat(us, True, "GUIDED", "ardupilot", 4, "quadrotor")])
         if k == 2:
-            pipeline.feed([Refusal(us, "mavlink", "another_vehicle", "system 2")])
+            pipeline.feed([Refusal(us, "mavlink", RefusalCode.SECOND_VEHICLE, "system 2")])
         pipeline.tick(us)
     health = last(out, Health)
     assert "two_vehicles" in [c.code for c in health.conditions]

@@ -151,7 +151,7 @@ def test_faulty_frames_are_refused_by_name_and_counted():
     samples = list(camera.frames())
     camera.close()
     refused = [s.reason for s in samples if isinstance(s, Refusal)]
-    assert refused == ["picture repeated", "stamp repeated", "stamp backward", "size changed"]
+    assert refused == ["picture_repeated", "repeated_stamp", "backward_stamp", "size_changed"]
     assert "80 x 60 instead of 160 x 120" in [s.detail for s in samples if isinstance(s, Refusal)][-1]
     assert camera.status().refused == dict.fromkeys(refused, 1)
     assert adds_up(camera)

@@ -76,7 +76,7 @@ def test_a_cut_video_is_read_to_the_cut(tmp_path):
     frames = [s for s in samples if isinstance(s, Frame)]
     assert 100 < len(frames) < 400
     assert [f.number for f in frames[:100]] == list(range(100))
-    assert [s.reason for s in samples if isinstance(s, Refusal)][-1] == "undecodable_frames"
+    assert [s.reason for s in samples if isinstance(s, Refusal)][-1] == "undecodable_frame"
 
 
 def test_frames_behind_damage_keep_their_time(tmp_path):
@@ -86,7 +86,7 @@ def test_frames_behind_damage_keep_their_time(tmp_path):
     samples = list(VideoFile(path).frames())
     frames = [s for s in samples if isinstance(s, Frame)]
     (lost,) = [s for s in samples if isinstance(s, Refusal)]
-    assert lost.reason == "undecodable_frames"
+    assert lost.reason == "undecodable_frame"
     assert 654 < len(frames) < 754
     assert frames[-1].stamp_us == pytest.approx(753 / 30 * 1e6, abs=2000)
     assert frames[-1].number == len(frames) - 1
@@ -123,7 +123,7 @@ def test_images_that_do_not_fit_are_refused(tmp_path):
     got = list(ImageFolder(tmp_path).frames())
     assert [s.reason if isinstance(s, Refusal) else s.number for s in got] == [
         0,
-        "undecodable_image",
+        "undecodable_frame",
         "image_size",
         3,
     ]
