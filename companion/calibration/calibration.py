@@ -170,6 +170,7 @@ def calibrate(
         tuple(map(float, solution.matrix.ravel())),
         tuple(map(float, solution.distortion.ravel())),
         lens,
+        covariance=tuple(map(float, solution.covariance.ravel())),
     )
     _check_possible(info)
     return Calibration(

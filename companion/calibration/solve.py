@@ -38,6 +38,8 @@ class Solution:
     view_rms: Array
     tilts_deg: Array
     residuals: tuple[Array, ...]
+    covariance: Array
+    """Of fx, fy, cx, cy and the distortion (4 + k, 4 + k), as ``_covariance`` has it."""
 
     @property
     def focal_std(self) -> float:
@@ -68,10 +70,17 @@ def _pinhole(views: Sequence[View], size: tuple[int, int], flags: int) -> Soluti
         np.zeros(5),
         flags=flags,
     )
-    residuals = []
+    residuals: list[Array] = []
+    parts: list[tuple[Array, Array]] = []
+    count = 4 + len(np.ravel(distortion)[:5])
     for view, turn, move in zip(views, turns, moves, strict=True):
-        there, _ = cv2.projectPoints(view.board_mm, turn, move, matrix, distortion)
+        there, jacobian = cv2.projectPoints(view.board_mm, turn, move, matrix, distortion)
         residuals.append(view.image_px.astype(np.float64) - np.asarray(there, np.float64).reshape(-1, 2))
+        own = np.array(jacobian[:, 6 : 6 + count], np.float64)
+        # a term that was not solved for has no error of its own
+        if flags & cv2.CALIB_FIX_K3:
+            own[:, K3_PLACE:] = 0.0
+        parts.append((own, np.asarray(jacobian[:, :6], np.float64)))
     return Solution(
         float(rms),
         np.asarray(matrix, np.float64),
@@ -80,7 +89,30 @@ def _pinhole(views: Sequence[View], size: tuple[int, int], flags: int) -> Soluti
         np.asarray(view_rms, np.float64).ravel(),
         np.array([_tilt_deg(turn) for turn in turns]),
         tuple(residuals),
+        _covariance(parts, residuals),
     )
+
+
+def _covariance(parts: Sequence[tuple[Array, Array]], residuals: Sequence[Array]) -> Array:
+    """Covariance of the intrinsics from the views as clusters, every view's pose eliminated (Schur complement).
+
+    The errors of one view's corners are alike (board not flat, blur, a lens that the model does not describe), so that
+    the views and not the corners are what is independent: A^-1 (sum of g g^T) A^-1 with g the views' scores (the
+    cluster-robust covariance of Liang and Zeger, 1986). ``parts``: derivatives of a view's corners by the intrinsics
+    and by its pose.
+    """
+    size = parts[0][0].shape[1]
+    information, scores = np.zeros((size, size)), []
+    for (own, pose), residual in zip(parts, residuals, strict=True):
+        left = own - pose @ np.linalg.lstsq(pose, own, rcond=None)[0]
+        information += left.T @ left
+        scores.append(left.T @ residual.ravel())
+    scale = np.sqrt(np.maximum(np.diag(information), 0.0))
+    scale = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
+    inverse = np.linalg.pinv(information * scale[:, None] * scale, rcond=1e-12) * scale[:, None] * scale
+    both = np.array(scores) @ inverse
+    # as many degrees of freedom are lost as there are intrinsics, two of which a view determines at most
+    return np.asarray(both.T @ both * (len(parts) / max(1.0, len(parts) - size / 2)), np.float64)
 
 
 def _wide(views: Sequence[View], size: tuple[int, int]) -> Solution:
@@ -114,11 +146,14 @@ def _wide_solution(
     moves: Any,
 ) -> Solution:
     """The residuals, and the intrinsics' standard deviations with every view's pose eliminated (Schur complement)."""
-    residuals, information = [], np.zeros((INTRINSICS, INTRINSICS))
+    residuals: list[Array] = []
+    parts: list[tuple[Array, Array]] = []
+    information = np.zeros((INTRINSICS, INTRINSICS))
     for view, points, turn, move in zip(views, board, turns, moves, strict=True):
         there, jacobian = cv2.fisheye.projectPoints(points, turn, move, matrix, distortion)
         residuals.append(view.image_px.astype(np.float64) - there.reshape(-1, 2))
         own, pose = jacobian[:, :INTRINSICS], jacobian[:, INTRINSICS : INTRINSICS + 6]
+        parts.append((np.asarray(own, np.float64), np.asarray(pose, np.float64)))
         both = own.T @ pose
         information += own.T @ own - both @ np.linalg.pinv(pose.T @ pose) @ both.T
     squares = sum(float((r**2).sum()) for r in residuals)
@@ -127,7 +162,16 @@ def _wide_solution(
     std = np.sqrt(np.maximum(np.diag(np.linalg.pinv(information)) * variance, 0.0))
     view_rms = np.array([math.sqrt(float((r**2).sum(axis=1).mean())) for r in residuals])
     tilts = np.array([_tilt_deg(np.asarray(turn).reshape(3, 1)) for turn in turns])
-    return Solution(rms, np.asarray(matrix), distortion, std, view_rms, tilts, tuple(residuals))
+    return Solution(
+        rms,
+        np.asarray(matrix),
+        distortion,
+        std,
+        view_rms,
+        tilts,
+        tuple(residuals),
+        _covariance(parts, residuals),
+    )
 
 
 def _tilt_deg(turn: NDArray[Any]) -> float:

@@ -28,7 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--system-site-packages",
         action="store_true",
-        help="let the environment see the system's packages: needed for picamera2",
+        help="let the environment see the system's packages",
     )
     parser.add_argument("--no-enable", action="store_true", help="do not start the service at boot")
     parser.add_argument(

@@ -82,6 +82,9 @@ def model_of(
             mount,
             readout_s,
             equidistant=info.distortion_model == EQUIDISTANT,
+            intrinsics_covariance=(
+                np.array(info.covariance).reshape(4 + len(info.distortion), -1) if info.covariance else None
+            ),
             mask=mask,
         )
     except LandingError as error:

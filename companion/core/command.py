@@ -10,7 +10,7 @@ NAV_LAND = 21
 DO_SET_MODE = 176
 """MAV_CMD_DO_SET_MODE, by which MAVSDK asks for hold."""
 
-LAND_MODES = frozenset({"LAND", "AUTO.LAND", "AUTO_LAND", "QLAND"})
+LAND_MODES = frozenset({"LAND", "AUTO.LAND", "AUTO_LAND", "QLAND", "PRECLAND"})
 """Flight modes that mean the autopilot is landing."""
 
 HOLD_MODES = frozenset({"HOLD", "BRAKE", "LOITER"})

@@ -27,6 +27,7 @@ def examine(
         while (left_s := until - time.monotonic()) > 0:
             before = time.monotonic()
             camera.look(min(LOOK_S, left_s))
+            link.look()
             if time.monotonic() - before < LOOK_S / 10:
                 time.sleep(min(LOOK_S / 10, left_s))  # a camera at its end has nothing to wait for
         yield from camera.findings()

@@ -6,9 +6,11 @@ from collections import Counter
 import numpy as np
 
 from companion.clocks.clock import AutopilotClock
+from companion.doctor import parameters
 from companion.doctor.findings import DoctorOptions, Finding, Level
 from companion.settings.link_options import link_options
 from companion.settings.settings import Settings
+from drivers.autopilot.parameters import ParameterReader
 from drivers.errors import DriverError
 from drivers.events import DriverEvent
 from drivers.mavlink.link import Link
@@ -23,6 +25,7 @@ from drivers.samples import (
     Sample,
     Velocity,
 )
+from drivers.system.host_clock import now_us
 
 SETTLE_US = 1_500_000
 """After the vehicle was found: the rates asked for are only on their way."""
@@ -55,9 +58,17 @@ class LinkExamination:
             return
         try:
             self._link = Link(link_options(settings), self._keep, self._tell)
+            self._parameters = ParameterReader(self._link)
+            self._link.on_frame = self._parameters.frame
             self._link.start()
         except DriverError as error:
             self._fault = str(error)
+
+    def look(self) -> None:
+        """Ask for what is still missing; to be called now and then."""
+        if self._link is not None:
+            wanted = parameters.names(self._settings.landing.procedure, self._link.autopilot)
+            self._parameters.look(wanted, now_us())
 
     def close(self) -> None:
         """Close the port."""
@@ -99,6 +110,8 @@ class LinkExamination:
             findings.append(
                 Finding("link", "failure", "more than one vehicle speaks on it", "set vehicle.system_id")
             )
+        procedure = self._settings.landing.procedure
+        findings += parameters.parameter_findings(procedure, newest.autopilot, self._parameters.values)
         findings += self._rates(samples, newest)
         findings += self._clock(samples)
         known_us = heartbeats[0].arrival_us  # what came before could be nobody's

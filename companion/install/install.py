@@ -29,6 +29,8 @@ SETTINGS_FILES = ("landslope.toml", "zenoh.json5")
 """Written once; later only their examples beside them."""
 
 STATE_DIRECTORY = Path("/var/lib/landslope")
+USER = "landslope"
+"""Made by the sysusers file, with a group of the same name that goes with it."""
 COMMAND_TIMEOUT_S = 1800
 
 
@@ -105,6 +107,8 @@ def uninstall_steps(options: InstallOptions, purge: bool) -> Iterator[Step]:
     if purge:
         yield _remove(SETTINGS_DIRECTORY, options)
         yield _remove(STATE_DIRECTORY, options)
+        if options.root is None:
+            yield _tolerated(_command("userdel", USER), "the user stays")
     if options.root is None and systemd_runs():
         yield _command("systemctl", "daemon-reload")
         yield _tolerated(_command("udevadm", "control", "--reload"))
@@ -206,14 +210,14 @@ def _command(*words: str) -> Step:
     return Step(f"run {' '.join(words)}", act)
 
 
-def _tolerated(step: Step) -> Step:
-    """The same step, whose failure is told and passed over: what it does happens at the next boot anyway."""
+def _tolerated(step: Step, otherwise: str = "it takes effect at the next boot") -> Step:
+    """The same step, whose failure is told, with what follows of it, and passed over."""
 
     def act() -> None:
         try:
             step.act()
         except LandslopeError as error:
-            print(f"  {error}; it takes effect at the next boot", flush=True)
+            print(f"  {error}; {otherwise}", flush=True)
 
     return Step(step.text, act)
 

@@ -21,6 +21,7 @@ from companion.live.publisher import Publisher
 from companion.live.recording import FlightRecording
 from companion.live.reload import reloaded
 from companion.live.reporting import GroundReport
+from companion.live.steering import Steering
 from companion.messages.conditions import Code, Condition, condition
 from companion.messages.messages import Estimate, Health, Message
 from companion.messages.preview import PreviewPublisher
@@ -84,11 +85,15 @@ class Daemon:
             self._publisher = stack.enter_context(Publisher(settings, retry=True))
             self._preview = PreviewPublisher(self._publisher.bus, settings.preview)
             stack.callback(self._preview.close)
-            self._commander = None
+            self._commander = self._steering = None
             if self._link is not None:
                 self._link.may_beat = self._alive
                 self._link.on_frame = self.recording.mavlink
-                self._commander = Commander(self._link, self._inbox.put, self._inbox.tell)
+                on_target = settings.landing.procedure == "landing_target"
+                self._commander = Commander(
+                    self._link, self._inbox.put, self._inbox.tell, on_target=on_target
+                )
+                self._steering = Steering(settings, self._link, self._commander)
                 self._commander.start()
                 stack.callback(self._commander.close, CLOSE_S)
             self._stack = stack.pop_all()
@@ -101,6 +106,8 @@ class Daemon:
             while not self._inputs.stopped.is_set():
                 self._turn()
             self.service.stopping()
+            if self._commander is not None:
+                self._commander.give_back()
             self._let_command_end()
             self.pipeline.finish()
 
@@ -149,6 +156,8 @@ class Daemon:
         for event in (*events, *self._camera.events(), *self.recording.step(now_us())):
             self.pipeline.tell(event)
         if samples:
+            if self._steering is not None:
+                self._steering.feed(samples)
             self._feed_gyro(samples)
             self.pipeline.feed(samples)
         else:
@@ -200,7 +209,8 @@ class Daemon:
         if isinstance(output, LandRequest):
             self._request(output)
         elif isinstance(output, Ordered):
-            pass
+            if self._steering is not None and not self._inputs.stopped.is_set():
+                self._steering.carry_out(output.order, output.time_unix_us)
         elif isinstance(output, Processed):
             self._preview.put(output.frame, output.estimate, self._estimate_us + self._date.offset_us)
             self.recording.processed(output)

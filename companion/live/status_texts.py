@@ -77,6 +77,17 @@ SHORT_ENDS = {
     "landing_taken_over": "landing ended, pilot took over",
 }
 
+SHORT_PROCEDURE = {
+    "start": "procedure takes over",
+    "search": "procedure searches a place",
+    "go": "procedure goes to a place",
+    "descend": "procedure comes down",
+    "hold": "procedure stops, place unfit",
+    "hand_over": "procedure hands over to land",
+}
+"""State -> few words; states that last a moment are not told."""
+GAVE_BACK = "procedure gave back"
+
 
 class StatusTexts:
     """Turns decisions, health and events into texts, each kind at most once in ``AGAIN_US``."""
@@ -137,6 +148,11 @@ class StatusTexts:
                 text = f"{why}, {text}"
         elif event.event in COMMAND_EVENTS:
             text = SHORT_ENDS.get(event.event, event.text.removeprefix("command to "))
+        elif event.event == "procedure_gave_back":
+            why = str(event.details.get("code", "")).replace("_", " ")
+            text = f"{GAVE_BACK}: {why}"[: TEXT_LENGTH - len(PREFIX)]
+        elif event.event == "procedure_changed" and event.details.get("state") in SHORT_PROCEDURE:
+            text = SHORT_PROCEDURE[event.details["state"]]
         else:
             return []
         return self._text(event.severity, text) if self._may(text, event.time_unix_us) else []

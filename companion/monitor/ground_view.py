@@ -2,12 +2,14 @@
 
 import base64
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
 import numpy as np
 
 from companion.messages.ground_cells import NO_HEIGHT, cells_of
+from companion.messages.messages import ProcedureState
 
 SIDE = 400
 """Of the picture, in its own units."""
@@ -24,10 +26,30 @@ COLOURS = {
 """BGR of a cell at the map's mean height: measured but not landable, landable, looks that disagree."""
 RELIEF_M = 0.5
 MOST_SPOTS = 20
+Place = tuple[float, float]
+JUMP_M = 3.0
+"""A place so far from the one before it is in other axes: the map began anew."""
 
 
-def ground_svg(ground: dict[str, Any] | None, mapped: dict[str, Any] | None) -> str:
-    """Map (of the newest message that has one), vehicle, disc where it comes down, spots; "" without a place."""
+def way_on(path: Sequence[Place], ground: dict[str, Any]) -> list[Place]:
+    """The path (north, east in the map's axes) with the place of another ground message, or anew after a jump."""
+    north, east = ground.get("north_m"), ground.get("east_m")
+    if north is None or east is None or not (_finite(north) and _finite(east)):
+        return list(path)
+    place = (float(north), float(east))
+    return [*path, place] if path and math.dist(path[-1], place) <= JUMP_M else [place]
+
+
+def ground_svg(
+    ground: dict[str, Any] | None,
+    mapped: dict[str, Any] | None,
+    procedure: ProcedureState | None = None,
+    path: Sequence[Place] = (),
+) -> str:
+    """Map (of the newest message that has one), vehicle, disc where it comes down, spots; "" without a place.
+
+    With a landing procedure, the way that was flown, the place that is chosen and the way there.
+    """
     if ground is None or not (_finite(ground.get("north_m")) and _finite(ground.get("east_m"))):
         return ""
     scale = SIDE / (2 * VIEW_M)
@@ -37,11 +59,30 @@ def ground_svg(ground: dict[str, Any] | None, mapped: dict[str, Any] | None) -> 
         parts.append(_ring(spot, "spot", scale))
     parts.append(_ring(ground.get("touchdown"), "disc", scale))
     middle = SIDE / 2
+    parts += _procedure(ground, procedure, path, scale)
     parts.append(f'<path class="craft" d="M{middle} {middle - 11}l8 20l-8 -5l-8 5Z"/>')
     parts.append(f'<text x="8" y="22">N ↑</text><path class="grid" d="M10 {SIDE - 12}h{2 * scale:.0f}"/>')
     parts.append(f'<text x="10" y="{SIDE - 18}">2 m</text>')
     head = f'<svg class="ground" viewBox="0 0 {SIDE} {SIDE}" role="img" aria-label="{_words(ground)}">'
     return f"{head}{''.join(parts)}</svg>"
+
+
+def _procedure(
+    ground: dict[str, Any], procedure: ProcedureState | None, path: Sequence[Place], scale: float
+) -> list[str]:
+    parts, middle = [], SIDE / 2
+    if len(path) > 1:
+        away = ((n - ground["north_m"], e - ground["east_m"]) for n, e in path)
+        points = " ".join(f"{middle + e * scale:.1f},{middle - n * scale:.1f}" for n, e in away)
+        parts.append(f'<polyline class="path" points="{points}"/>')
+    north = procedure.spot_north_m if procedure is not None else None
+    east = procedure.spot_east_m if procedure is not None else None
+    if north is not None and east is not None and _finite(north) and _finite(east):
+        place = {"north_m": north, "east_m": east}
+        x, y = middle + east * scale, middle - north * scale
+        parts.append(f'<path class="chosen" d="M{middle} {middle}L{x:.1f} {y:.1f}"/>')
+        parts.append(_ring(place, "chosen", scale))
+    return parts
 
 
 def _words(ground: dict[str, Any]) -> str:

@@ -147,6 +147,8 @@ class Page:
             self._permission = label("words", "permission")
             ui.label("command to land").classes("label")
             self._command = label("words", "command")
+            ui.label("landing procedure").classes("label")
+            self._procedure = label("words", "procedure")
         with card("Health") as health:
             self._health = HealthCard()
         with card("Events") as events:
@@ -250,11 +252,12 @@ class Page:
                 f" {vehicle.rate_hz:.1f} estimates/s"
             )
         self._scene.set_content(scene_svg(estimate, look))
-        drawn = ground_svg(vehicle.ground, vehicle.ground_map)
+        drawn = ground_svg(vehicle.ground, vehicle.ground_map, words.steered(decision), vehicle.path)
         self._ground_card.set_visibility(bool(drawn))
         self._ground.set_content(drawn)
         self._permission.set_text(words.clipped(words.permission(decision)))
         self._command.set_text(words.clipped(words.command(decision)))
+        self._procedure.set_text(words.clipped(words.procedure(decision)))
 
     def _show_events(self, events: list[Event]) -> None:
         lines = [

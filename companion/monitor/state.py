@@ -11,6 +11,7 @@ import msgspec
 from companion.messages.messages import Decision, Estimate, Event, Health
 from companion.messages.preview import Preview
 from companion.messages.received import Received, received
+from companion.monitor.ground_view import Place, way_on
 from companion.monitor.options import MonitorOptions
 from drivers.bus import Delivery
 
@@ -53,6 +54,10 @@ def point_of(time_s: float, verdict: str, e: Estimate) -> Point:
     )
 
 
+PATH_PLACES = 240
+"""Of a ground message each: two minutes at 2 Hz."""
+
+
 @dataclass(slots=True)
 class Vehicle:
     """One vehicle as the monitor knows it."""
@@ -72,6 +77,8 @@ class Vehicle:
     """The newest ground message."""
     ground_map: dict[str, Any] | None = None
     """The newest one that has a map."""
+    path: list[Place] = field(default_factory=list)
+    """Where it flew lately, in the map's axes."""
     limits: dict[str, float] = field(default_factory=dict)
     """Limits of the decision from the vehicle's own settings, where it has answered."""
     events: deque[Event] = field(default_factory=deque)
@@ -179,6 +186,7 @@ class Watch:
         vehicle.heard_s = now_s
         vehicle.received[GROUND] += 1
         vehicle.ground = found
+        vehicle.path = way_on(vehicle.path, found)[-PATH_PLACES:]
         if isinstance(found.get("map"), dict):
             vehicle.ground_map = found
 

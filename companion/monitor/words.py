@@ -1,6 +1,6 @@
 """Numbers and states as the page shows them: unknown is a dash, never a zero."""
 
-from companion.messages.messages import Decision, Estimate, Health, InputHealth
+from companion.messages.messages import Decision, Estimate, Health, InputHealth, ProcedureState
 
 DASH = "–"
 SILENT = "SILENT"
@@ -203,6 +203,18 @@ def command(decision: Decision | None) -> str:
     if decision is None or decision.command == "none":
         return "none sent"
     return decision.command
+
+
+def steered(decision: Decision | None) -> ProcedureState | None:
+    """The landing procedure of a decision; None where there is none."""
+    found = decision.procedure if decision is not None else None
+    return found if isinstance(found, ProcedureState) else None
+
+
+def procedure(decision: Decision | None) -> str:
+    """What the landing procedure does; a dash where there is none."""
+    found = steered(decision)
+    return DASH if found is None else f"{found.state.replace('_', ' ')}: {found.text}"
 
 
 def input_line(found: InputHealth) -> tuple[str, str, str, str]:

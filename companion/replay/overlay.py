@@ -8,7 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.messages.ground import Ground
 from companion.messages.messages import Decision
+from companion.replay.overlay_ground import draw_disc, relief_colour
 from drivers.files.video_writer import VideoWriter, open_video
 from landing.estimate import SurfaceEstimate
 from landing.reasons import in_words
@@ -42,6 +44,10 @@ class Scene:
     time_s: float
     requested_s: float | None = None
     """Time of the request to land, None before it."""
+    ground: Ground | None = None
+    """The newest of the ground map: the verdict on the disc straight below."""
+    radius_m: float = math.nan
+    """Of that disc."""
 
 
 def draw(image: Image, estimate: SurfaceEstimate, camera: CameraModel, scene: Scene) -> Image:
@@ -54,6 +60,9 @@ def draw(image: Image, estimate: SurfaceEstimate, camera: CameraModel, scene: Sc
     if estimate.status == "ok":
         _draw_surface(picture, estimate, camera, scale, COLOURS[verdict])
         _draw_side_view(picture, estimate, COLOURS[verdict])
+        if scene.ground is not None:
+            up = _vertical(estimate, camera)
+            draw_disc(picture, estimate, camera, scale, up, scene.radius_m, scene.ground.below.verdict)
     _draw_banner(picture, verdict, scene, reasons(estimate, scene.decision))
     _draw_figures(picture, estimate, scene)
     return picture
@@ -65,7 +74,9 @@ class OverlayWriter:
     ``width_px`` scales the pictures down to that width. Raises DriverError when the file cannot be written.
     """
 
-    def __init__(self, path: Path, camera: CameraModel, width_px: int | None = None) -> None:
+    def __init__(
+        self, path: Path, camera: CameraModel, width_px: int | None = None, radius_m: float = math.nan
+    ) -> None:
         self.fps = DEFAULT_FPS
         """Pictures a second, known once some have been seen."""
         self._path = path
@@ -75,11 +86,17 @@ class OverlayWriter:
         self._pending: list[Image] = []
         self._times: list[float] = []
         self._decision: Decision | None = None
+        self._ground: Ground | None = None
+        self._radius_m = radius_m
         self._requested_s: float | None = None
 
     def decided(self, decision: Decision) -> None:
         """The decision in force from now on."""
         self._decision = decision
+
+    def mapped(self, ground: Ground) -> None:
+        """What the ground map says from now on."""
+        self._ground = ground
 
     def requested(self, time_s: float) -> None:
         """A landing was requested."""
@@ -87,7 +104,12 @@ class OverlayWriter:
 
     def add(self, image: Image, estimate: SurfaceEstimate, time_s: float) -> None:
         """Draw one frame."""
-        picture = draw(image, estimate, self._camera, Scene(self._decision, time_s, self._requested_s))
+        picture = draw(
+            image,
+            estimate,
+            self._camera,
+            Scene(self._decision, time_s, self._requested_s, self._ground, self._radius_m),
+        )
         if self._width_px is not None and picture.shape[1] > self._width_px:
             size = (self._width_px, round(picture.shape[0] * self._width_px / picture.shape[1]))
             picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.uint8, copy=False)
@@ -129,7 +151,10 @@ def _draw_tracks(picture: Image, estimate: SurfaceEstimate, scale: int) -> None:
         chosen = chosen[np.isfinite(chosen).all(axis=(1, 2))]
         for start, end in np.rint(chosen).astype(int):
             cv2.line(picture, tuple(start.tolist()), tuple(end.tolist()), colour, 1, cv2.LINE_AA)
-            cv2.circle(picture, tuple(end.tolist()), 3 if fits else 4, colour, -1, cv2.LINE_AA)
+    shown = np.isfinite(ends).all(axis=(1, 2))
+    for end, height, fits in zip(ends[shown, 1], tracks.height[shown], tracks.inlier[shown], strict=True):
+        at = tuple(np.rint(end).astype(int).tolist())
+        cv2.circle(picture, at, 4, relief_colour(float(height), bool(fits), OUTLIER), -1, cv2.LINE_AA)
 
 
 def _draw_surface(

@@ -12,6 +12,7 @@ import cv2
 from companion.core.approach import Ordered
 from companion.core.core import Core, LandRequest, Output, Processed
 from companion.errors import LandslopeError
+from companion.messages.ground import Ground
 from companion.messages.messages import Decision, Message, topic_of
 from companion.replay.history import History
 from companion.replay.output import LineFile, Outputs
@@ -119,8 +120,16 @@ class _Run:
         self._out = LineFile(outputs.out) if outputs.out else None
         self._ground = LineFile(outputs.ground) if outputs.ground else None
         self._events = LineFile(outputs.events) if outputs.events else None
-        self._video = OverlayWriter(outputs.video, source.camera) if outputs.video else None
-        self.report = ReportRecorder(source.camera) if outputs.report else None
+        self._video = (
+            OverlayWriter(outputs.video, source.camera, radius_m=source.settings.vehicle.landing_radius_m)
+            if outputs.video
+            else None
+        )
+        self.report = (
+            ReportRecorder(source.camera, source.settings.vehicle.landing_radius_m)
+            if outputs.report
+            else None
+        )
         for file in (self._out, self._ground, self._events, self._video, self.report):
             if file:
                 stack.callback(file.close)
@@ -202,6 +211,8 @@ class _Run:
             self._last_decision = message
             if self._video:
                 self._video.decided(message)
+        if isinstance(message, Ground) and self._video is not None:
+            self._video.mapped(message)
         if self.report:
             self.report.message(message, self.history.now_s)
         if self._publisher:

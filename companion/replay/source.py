@@ -8,7 +8,7 @@ from companion.core.camera_model import camera_model
 from companion.errors import LandslopeError
 from companion.settings.settings import Settings
 from companion.settings.settings_file import DEFAULT, load
-from drivers.files.flight_folder import FlightFolder
+from drivers.files.flight_folder import FlightFolder, log_in
 from drivers.files.video_file import open_pictures
 from drivers.samples import Sample
 from landing.vision.camera import CameraModel
@@ -16,7 +16,7 @@ from landing.vision.camera import CameraModel
 SETTINGS_FILE = "landslope.toml"
 ATTITUDES_A_GAP = 2
 """Attitudes that must come within sync.attitude_max_gap_s, so that the loss of one is bridged."""
-FLIGHT_FILES = ("frames.csv", "vehicle.tlog", SETTINGS_FILE)
+FLIGHT_FILES = ("frames.csv", "vehicle.tlog", "vehicle.ulg", SETTINGS_FILE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,8 +85,12 @@ def _flight(path: Path, config: Path | None, overrides: tuple[str, ...], plain: 
     beside = path / "camera.yaml"
     if loaded.origins["camera.calibration"] == DEFAULT and beside.exists():
         settings = replace(settings, camera=replace(settings.camera, calibration=str(beside)))
+    log = log_in(path)
     folder = FlightFolder(
-        path, system_id=settings.vehicle.system_id, component_id=settings.mavlink.autopilot_component
+        path,
+        system_id=0 if log is not None else settings.vehicle.system_id,  # a log is of one vehicle
+        component_id=settings.mavlink.autopilot_component,
+        telemetry=log,
     )
     camera, calibrated = camera_model(settings.camera, folder.width, folder.height)
     cautions = tuple(_cautions(folder, settings))

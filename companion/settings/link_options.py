@@ -13,6 +13,8 @@ from drivers.mavlink.signing import read_key
 
 SYSTEM_STATUS_HZ = 2.0
 """SYS_STATUS says whether the radio is heard."""
+FLOWN_STATE_HZ = 20.0
+"""Least rate of what tells of a takeover (PX4's CURRENT_MODE, sticks) while setpoints may be sent."""
 SYSTEM_TIME_HZ = 1.0
 """SYSTEM_TIME tells the date to a board that does not know it."""
 
@@ -26,7 +28,10 @@ def link_options(settings: Settings, connection: str = "") -> LinkOptions:
     if not m.forward_open:
         _refuse_open(m.forward)
     key = read_key(m.signing_key) if m.signing_key else None
-    radio = {"RC_CHANNELS": m.state_rate_hz} if settings.landing.enable_rc_channel else {}
+    # who flies by setpoints hears of the pilot's mode and sticks within two of these
+    flown = settings.landing.procedure == "offboard"
+    state_hz = max(m.state_rate_hz, FLOWN_STATE_HZ) if flown else m.state_rate_hz
+    radio = {"RC_CHANNELS": state_hz} if settings.landing.enable_rc_channel else {}
     return LinkOptions(
         connection=connection or m.connection,
         system_id=settings.vehicle.system_id,
@@ -39,8 +44,8 @@ def link_options(settings: Settings, connection: str = "") -> LinkOptions:
             "EXTENDED_SYS_STATE": m.state_rate_hz,
             "SYS_STATUS": SYSTEM_STATUS_HZ,
             "SYSTEM_TIME": SYSTEM_TIME_HZ,
-            "CURRENT_MODE": m.state_rate_hz,
-            "MANUAL_CONTROL": m.state_rate_hz,
+            "CURRENT_MODE": state_hz,
+            "MANUAL_CONTROL": state_hz,
         }
         | radio,
         forward=m.forward,

@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from companion.messages.messages import Decision, Estimate, Event, Health, Message
-from companion.simulation.ground import Fitness, Patch
+from companion.simulation.ground import Fitness, Patch, unsafe
+from companion.simulation.procedure_figures import flown
 from companion.simulation.scenario import Expectation
 from drivers.simulated.vehicle.vehicle import Multirotor, TouchDown
 from drivers.simulated.world.truth import FrameTruth
@@ -43,6 +44,16 @@ class Request:
     below: Patch
 
 
+@dataclass(frozen=True, slots=True)
+class FlownStep:
+    """A step of the landing procedure, with the vehicle's true position and velocity (NED) then."""
+
+    time_s: float
+    step: Step
+    position: tuple[float, float, float]
+    velocity: tuple[float, float, float]
+
+
 @dataclass(slots=True)
 class FlightResult:
     """Everything known at the end of a flight; times in simulated seconds from its start."""
@@ -59,8 +70,8 @@ class FlightResult:
     path: list[PathPoint] = field(default_factory=list)
     said_flat: list[tuple[float, bool]] = field(default_factory=list)
     """(time, whether the surface was said to be fit) at every estimate."""
-    steps: list[tuple[float, Step, tuple[float, float, float]]] = field(default_factory=list)
-    """What the landing procedure ordered: time, step, and the vehicle's true velocity NED then."""
+    steps: list[FlownStep] = field(default_factory=list)
+    """What the landing procedure ordered."""
     requests: list[Request] = field(default_factory=list)
     touch_down: TouchDown | None = None
     touch_ground: Patch | None = None
@@ -68,6 +79,8 @@ class FlightResult:
     """Longest time for which plainly fit ground was in view without a break, where that was followed."""
     longest_chance_s: float = 0.0
     """Of that, while the ground straight below was in view and from low enough to tell."""
+    limit_deg: float = 10.0
+    """Steepest ground that the settings land on."""
     unfit_seen: bool = False
     """Whether plainly unfit ground was ever in view."""
     folder: Path | None = None
@@ -99,8 +112,10 @@ class FlightResult:
             f"a landing was requested over ground that is not fit for it, at {r.time_s:.1f} s: "
             f"inclination {r.truth.fit_inclination_deg:.1f} degrees, relief {r.truth.relief:.3f} of the distance"
             for r in self.requests
-            if r.fitness == "unfit"
+            if r.fitness == "unfit" and not self.steps
         ]
+        if self.steps and self.touch_ground is not None and unsafe(self.touch_ground, self.limit_deg):
+            wrong.append("it touched down on ground that is not fit for it")
         if expect.landing == "requested" and not self.requests:
             wrong.append("no landing was requested, although there was ground to land on")
         if expect.landing == "none" and self.requests:
@@ -140,6 +155,14 @@ def in_words(result: FlightResult) -> str:
         )
     if not result.requests:
         lines.append("  requested  no landing")
+    if result.steps:
+        told = result.steps[-1].step
+        lines.append(f"  procedure  {told.state.value}: {told.words}")
+        d = flown(result)
+        lines.append(
+            f"  descent    divergence {d.divergence:.2f} +- {d.divergence_std:.3f} 1/s, {d.hand_over_m_s:.2f} m/s "
+            f"at the hand-over; {d.seconds:.1f} s in all; touched down {d.error_m:.2f} m from the place"
+        )
     command = next((d.command for d in reversed(result.decisions) if d.command != "none"), None)
     if command is not None:
         lines.append(f"  command    {command}")

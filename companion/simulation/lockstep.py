@@ -18,8 +18,8 @@ from companion.core.judge import LandRequest
 from companion.live.live_pipeline import LivePipeline
 from companion.settings.settings import Settings
 from companion.simulation.flight_record import FlightRecord
-from companion.simulation.flight_result import FlightResult, PathPoint, Request, path_point
-from companion.simulation.ground import fitness, patch, tellable
+from companion.simulation.flight_result import FlightResult, FlownStep, PathPoint, Request, path_point
+from companion.simulation.ground import PATCH_M, Patch, fitness, patch, tellable
 from companion.simulation.hardware import NAV_LAND, LocalControls
 from companion.simulation.pilot import Pilot
 from companion.simulation.scenario import Scenario
@@ -79,10 +79,12 @@ def flight_settings(
     """The settings of a flight, with the simulated camera's calibration written into ``directory``."""
     lens = scene.lens
     calibration = directory / "camera.yaml"
+    believed = lens.matrix.copy()
+    believed[:2, :2] *= scenario.camera.focal_believed
     info = CameraInfo(
         lens.width,
         lens.height,
-        tuple(map(float, lens.matrix.ravel())),
+        tuple(map(float, believed.ravel())),
         tuple(map(float, lens.distortion)),
         EQUIDISTANT if lens.equidistant else "plumb_bob",
         name="simulated",
@@ -102,6 +104,7 @@ class _Flight:
     ) -> None:
         self._scenario, self._scene, self._options = scenario, scene, options
         self._limit_deg = settings.decision.max_inclination_deg
+        self._radius_m = settings.vehicle.landing_radius_m
         seed = scenario.basics.seed
         self._controller = FlightController(scene.vehicle)
         self._sensors = Sensors(scene.vehicle, sensor_errors(scenario), seed + 1)
@@ -116,7 +119,7 @@ class _Flight:
         self._pipeline = LivePipeline(settings, self._take)
         record, rate_hz = options.record, scenario.camera.rate_hz
         self._record = None if record is None else FlightRecord(record, settings, rate_hz)
-        self.result = FlightResult(scenario.name, EPOCH_US)
+        self.result = FlightResult(scenario.name, EPOCH_US, limit_deg=self._limit_deg)
         self._frames: deque[tuple[int, Frame | Refusal]] = deque()
         self._check = FrameCheck()
         self._truths: deque[tuple[int, float]] = deque(maxlen=200)
@@ -155,7 +158,7 @@ class _Flight:
         if vehicle.touch_downs:
             touch = vehicle.touch_downs[0]
             result.touch_down = touch
-            result.touch_ground = patch(self._scene.world, touch.position[0], touch.position[1])
+            result.touch_ground = self._patch(touch.position[0], touch.position[1])
         if self._record is not None:
             result.folder = self._record.close(self._link.packets or [])
         result.elapsed_s = time.perf_counter() - started
@@ -246,7 +249,7 @@ class _Flight:
                 where,
                 truth,
                 fitness(truth, self._limit_deg),
-                patch(self._scene.world, where.north_m, where.east_m),
+                self._patch(where.north_m, where.east_m),
             )
         )
         self._link.land(time_s)
@@ -254,13 +257,19 @@ class _Flight:
     def _order(self, ordered: Ordered) -> None:
         """The procedure's orders reach the autopilot as the command to land does."""
         time_s, order = self._scene.vehicle.time_s, ordered.order
-        self.result.steps.append((time_s, ordered.step, self._scene.vehicle.velocity))
+        vehicle = self._scene.vehicle
+        self.result.steps.append(FlownStep(time_s, ordered.step, vehicle.position, vehicle.velocity))
         if order.kind is OrderKind.START:
             self._pilot.gave_away = True
         elif order.kind is OrderKind.VELOCITY:
             self._link.fly(time_s, order.velocity_ned)
         elif order.kind is OrderKind.STOP:
             self._link.hold(time_s)
+
+    def _patch(self, north_m: float, east_m: float) -> Patch:
+        """The ground about a place; a procedure that chose it is held to the disc that the settings ask for."""
+        radius_m = self._radius_m if self.result.steps else PATCH_M
+        return patch(self._scene.world, north_m, east_m, radius_m)
 
     def _point(self) -> PathPoint:
         vehicle = self._scene.vehicle

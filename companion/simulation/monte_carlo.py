@@ -1,7 +1,6 @@
 """Many random flights: how often a landing was requested on unfit ground, how often missed on fit ground."""
 
 import logging
-import math
 import os
 import time
 from collections import Counter
@@ -9,14 +8,16 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from companion.simulation.flight_result import FlightResult
 from companion.simulation.ground import unsafe
 from companion.simulation.lockstep import LockstepOptions, fly
-from companion.simulation.random_scenario import random_scenario
 from companion.simulation.scenario import Scenario, to_toml
+from companion.simulation.shares import Share, wilson
+from companion.simulation.unkind_scenario import scenario_of, seeds_of
 from drivers.system.workers import worker_pool
 
 TRUTH_EVERY = 5
@@ -24,12 +25,13 @@ OPPORTUNITY_S = 2.5
 """Plainly fit ground below, seen from low enough for this long without a break, everything in order, and no request:
 missed."""
 WRONG = ("unsafe", "view", "missed")
-Z95 = 1.959964
 AHEAD = 4
 """Flights handed to each process in advance."""
 KEPT_WORST = 10
 
 Progress = Callable[[float, float], None]
+Draw = Callable[[int], Scenario]
+"""The scenario of a seed."""
 Pool = Callable[[], AbstractContextManager[Executor]]
 """Opens where flights are flown."""
 
@@ -58,6 +60,8 @@ class Run:
     chance_s: float
     """Of that, while the ground straight below was in view, from low enough to tell what lies on it."""
     elapsed_s: float
+    contradicted: str = ""
+    """Contradictions that were told, by the names of their events, with spaces between."""
     error: str = ""
 
     @property
@@ -78,26 +82,6 @@ class Run:
             what += f" on {self.inclination_deg:.1f} degrees, relief {self.relief:.4f}; touched down on"
             what += f" {self.patch_inclination_deg:.1f} degrees, uneven by {self.patch_deviation_m:.2f} m"
         return f"seed {self.seed} ({self.ground}{', ' + self.fault if self.fault else ''}): {what}"
-
-
-@dataclass(frozen=True, slots=True)
-class Share:
-    """A share with its 95 % confidence interval."""
-
-    count: int
-    total: int
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Wilson's interval."""
-        return wilson(self.count, self.total)
-
-    def __str__(self) -> str:
-        if not self.total:
-            return "none of 0"
-        low, high = self.interval
-        share = 100 * self.count / self.total
-        return f"{self.count} of {self.total} ({share:.1f} %; 95 % confidence {100 * low:.1f} to {100 * high:.1f} %)"
 
 
 @dataclass(slots=True)
@@ -157,7 +141,9 @@ class Report:
             f"  held back: fit ground too far down or aside {self.held_back}",
             f"  requested on ground that is neither         {sum(r.outcome == 'between' for r in self.runs)}",
             f"  the software broke                          {self.crashes}",
-            "  by ground: requested, on unfit, unfit beside, missed",
+            f"  a contradiction was told in                 {sum(bool(r.contradicted) for r in self.runs)}",
+            f"  landing requested at all in                 {sum(r.requested_s is not None for r in self.runs)}",
+            "  by ground or class: requested, on unfit (95 % confidence), unfit beside, missed",
         ]
         for kind, count in sorted(kinds.items()):
             runs = [r for r in self.runs if r.ground == kind]
@@ -165,7 +151,9 @@ class Report:
             bad, near, missed = (
                 sum(r.outcome == word for r in runs) for word in ("unsafe", "view", "missed")
             )
-            lines.append(f"    {kind:<8} {count:4d} flights {asked:4d} {bad:4d} {near:4d} {missed:4d}")
+            low, high = (100 * bound for bound in wilson(bad, count))
+            unfit = f"{bad:4d} ({low:.1f} to {high:.1f} %)"
+            lines.append(f"    {kind:<16} {count:4d} flights {asked:4d} {unfit} {near:4d} {missed:4d}")
         lines += [f"  {run}" for run in worst(self.runs)[:KEPT_WORST]]
         lines += [f"  kept {path}" for path in self.kept]
         return "\n".join(lines)
@@ -185,17 +173,6 @@ class Report:
 
 def _figures(share: Share) -> dict[str, Any]:
     return {"count": share.count, "total": share.total, "interval_95": share.interval}
-
-
-def wilson(count: int, total: int) -> tuple[float, float]:
-    """Wilson's 95 % score interval of a share (Wilson 1927)."""
-    if total == 0:
-        return 0.0, 1.0
-    p, z2 = count / total, Z95 * Z95
-    middle = (p + z2 / (2 * total)) / (1 + z2 / total)
-    half = Z95 / (1 + z2 / total) * math.sqrt(p * (1 - p) / total + z2 / (4 * total * total))
-    # Rounding must not put the share itself outside.
-    return max(0.0, min(p, middle - half)), min(1.0, max(p, middle + half))
 
 
 def worst(runs: Sequence[Run]) -> list[Run]:
@@ -223,8 +200,12 @@ def fly_many(
     on_run: Callable[[Run], None] = lambda run: None,
     flown: Sequence[Run] = (),
     pool: Pool | None = None,
+    classes: Sequence[str] = ("control",),
+    draw: Draw = scenario_of,
 ) -> Report:
-    """Fly ``count`` random scenarios from ``first_seed`` on in ``jobs`` processes; record the worst under ``keep``.
+    """Fly ``count`` random scenarios of each class from ``first_seed`` on in ``jobs`` processes.
+
+    The worst are recorded under ``keep``.
 
     ``on_run`` is given every flight as soon as it has ended, ``on_wrong`` those that went wrong. ``flown`` are counted
     and not flown again. ``pool`` opens another place to fly than processes of this machine.
@@ -233,26 +214,29 @@ def fly_many(
     report = Report()
     report.runs += flown
     known = {run.seed for run in flown}
-    seeds = [seed for seed in range(first_seed, first_seed + count) if seed not in known]
+    seeds = [seed for seed in seeds_of(list(classes), count, first_seed) if seed not in known]
     if pool is None and jobs > 1 and len(seeds) > 1:
         pool = processes(jobs)
-    for done, run in enumerate(_all(seeds, AHEAD * jobs, pool, config, tuple(overrides)), 1 + len(flown)):
+    flight = partial(fly_one, config=config, overrides=tuple(overrides), draw=draw)
+    for done, run in enumerate(_all(seeds, AHEAD * jobs, pool, flight, draw), 1 + len(flown)):
         report.runs.append(run)
         on_run(run)
         if run.wrong:
             on_wrong(run)
-        progress(done, count)
+        progress(done, count * len(classes))
     report.runs.sort(key=lambda r: r.seed)
     report.elapsed_s = time.perf_counter() - started
     if keep is not None:
         shown = [r for r in worst(report.runs) if not r.crashed][:KEPT_WORST]
-        report.kept = [_keep(r, keep, config, overrides) for r in shown]
+        report.kept = [_keep(r, draw, keep, config, overrides) for r in shown]
     return report
 
 
-def fly_one(seed: int, config: Path | None = None, overrides: Sequence[str] = ()) -> Run:
-    """Fly the random scenario of a seed and judge it."""
-    scenario = random_scenario(seed)
+def fly_one(
+    seed: int, config: Path | None = None, overrides: Sequence[str] = (), draw: Draw = scenario_of
+) -> Run:
+    """Fly the scenario of a seed and judge it."""
+    scenario = draw(seed)
     options = LockstepOptions(truth_every=TRUTH_EVERY, stop_at_request=True)
     limit_deg = scenario.flight_settings(config, overrides).decision.max_inclination_deg
     return judge(scenario, fly(scenario, config, overrides, options), limit_deg)
@@ -263,12 +247,14 @@ def judge(scenario: Scenario, result: FlightResult, max_inclination_deg: float) 
     request = result.requests[0] if result.requests else None
     below = result.touch_ground or (request.below if request else None)
     fault = scenario.faults[0].kind if scenario.faults else ""
+    none_due = scenario.expect.landing == "none"
     if request is not None and below is not None:
         outcome = {"fit": "right", "unfit": "view", "between": "between"}[request.fitness]
-        if unsafe(below, max_inclination_deg):
+        if none_due or scenario.ground.moves or unsafe(below, max_inclination_deg):
             outcome = "unsafe"
     else:
-        outcome = "missed" if result.longest_chance_s >= OPPORTUNITY_S and not fault else "right"
+        chance = result.longest_chance_s >= OPPORTUNITY_S and not fault and not none_due
+        outcome = "missed" if chance else "right"
     return Run(
         seed=scenario.basics.seed,
         ground=scenario.basics.description,
@@ -283,6 +269,7 @@ def judge(scenario: Scenario, result: FlightResult, max_inclination_deg: float) 
         fit_s=round(result.longest_fit_s, 2),
         chance_s=round(result.longest_chance_s, 2),
         elapsed_s=round(result.elapsed_s, 2),
+        contradicted=" ".join(sorted({e.event for e in result.events if e.event.endswith("_contradicts")})),
     )
 
 
@@ -294,11 +281,10 @@ def processes(jobs: int) -> Pool:
 
 
 def _all(
-    seeds: Sequence[int], ahead: int, pool: Pool | None, config: Path | None, overrides: tuple[str, ...]
+    seeds: Sequence[int], ahead: int, pool: Pool | None, flight: Callable[[int], Run], draw: Draw
 ) -> Iterator[Run]:
     if pool is None:
-        for seed in seeds:
-            yield fly_one(seed, config, overrides)
+        yield from map(flight, seeds)
         return
     with pool() as executor:
         waiting: set[Future[Run]] = set()
@@ -306,7 +292,7 @@ def _all(
         left = iter(seeds)
         while True:
             for seed in left:
-                future = executor.submit(fly_one, seed, config, overrides)
+                future = executor.submit(flight, seed)
                 waiting.add(future)
                 flown[future] = seed
                 if len(waiting) >= ahead:
@@ -317,15 +303,17 @@ def _all(
             for future in done:
                 error, seed = future.exception(), flown.pop(future)
                 # A flight that broke the software is a finding, not the end of the others.
-                yield future.result() if error is None else _crashed(seed, error)
+                yield future.result() if error is None else _crashed(draw(seed), error)
 
 
-def _crashed(seed: int, error: BaseException) -> Run:
-    scenario = random_scenario(seed)
+def _crashed(scenario: Scenario, error: BaseException) -> Run:
+    seed = scenario.basics.seed
     fault = scenario.faults[0].kind if scenario.faults else ""
     what = f"{type(error).__name__}: {error}"
     nothing: tuple[None, None, None, None, None] = (None,) * 5
-    return Run(seed, scenario.basics.description, fault, "crashed", *nothing, False, 0.0, 0.0, 0.0, what)
+    return Run(
+        seed, scenario.basics.description, fault, "crashed", *nothing, False, 0.0, 0.0, 0.0, error=what
+    )
 
 
 def _quiet() -> None:
@@ -333,9 +321,9 @@ def _quiet() -> None:
     logging.basicConfig(level=logging.CRITICAL)
 
 
-def _keep(run: Run, directory: Path, config: Path | None, overrides: Sequence[str]) -> Path:
+def _keep(run: Run, draw: Draw, directory: Path, config: Path | None, overrides: Sequence[str]) -> Path:
     """Fly a run again, the same bit for bit, and leave its scenario and its flight folder."""
-    scenario = random_scenario(run.seed)
+    scenario = draw(run.seed)
     folder = directory / f"{run.outcome}_{run.seed}"
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "scenario.toml").write_text(to_toml(scenario), encoding="utf-8")

@@ -52,10 +52,10 @@ class ResultTable:
         self._rows: list[dict[str, Any]] = []
         self._written_s = time.monotonic()
 
-    def runs_before(self, seeds: range) -> list[Run]:
+    def runs_before(self, seeds: Sequence[int]) -> list[Run]:
         """The flights of an earlier run, of these seeds."""
-        names = [field.name for field in fields(Run)]
-        return [Run(**{name: row[name] for name in names}) for row in self.before if row["seed"] in seeds]
+        names, wanted = [field.name for field in fields(Run)], set(seeds)
+        return [Run(**{name: row[name] for name in names}) for row in self.before if row["seed"] in wanted]
 
     def add(self, run: Run) -> None:
         """One flight that ended."""

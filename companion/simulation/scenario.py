@@ -35,8 +35,8 @@ class CameraScene:
         tuple[float, ...], Meaning("k1, k2, p1, p2, k3 as OpenCV has them; equidistant: k1 to k4")
     ] = ()
     rate_hz: Annotated[float, Limits(1, 120, "Hz", "frames a second")] = 20.0
-    latency_s: Annotated[float, Limits(0, 0.5, "s", "from exposure to arrival")] = 0.02
-    late_s: Annotated[float, Limits(-0.1, 0.1, "s", "how late the stamps are")] = 0.0
+    latency_s: Annotated[float, Limits(0, 2, "s", "from exposure to arrival")] = 0.02
+    late_s: Annotated[float, Limits(-0.1, 2, "s", "how late the stamps are")] = 0.0
     late_known: Annotated[bool, Meaning("whether camera.time_offset_s is set to that")] = True
     mount_roll_deg: Annotated[float, Limits(-45, 45, "deg", "camera's roll in the body frame")] = 0.0
     mount_pitch_deg: Annotated[float, Limits(-45, 45, "deg", "camera's pitch in the body frame")] = 0.0
@@ -49,6 +49,8 @@ class CameraScene:
     readout_known: Annotated[bool, Meaning("whether camera.readout_s is set to that")] = True
     brightness: Annotated[float, Limits(0.02, 4, "", "light, 1 is good")] = 1.0
     contrast: Annotated[float, Limits(0.02, 4, "", "contrast, 1 is good")] = 1.0
+    mirrored: Annotated[bool, Meaning("whether left and right are swapped in the pictures")] = False
+    focal_believed: Annotated[float, Limits(0.3, 3, "", "calibrated over true focal length")] = 1.0
     in_view: Annotated[
         Literal["nothing", "skids", "shadow", "dirt", "person"],
         Meaning(
@@ -70,6 +72,19 @@ class StartScene:
 
 
 @dataclass(frozen=True, slots=True)
+class GroundScene:
+    """Ground that moves by itself: water, a conveyor, a field in the wind. The surfaces move as a whole."""
+
+    north_m_s: Annotated[float, Limits(-5, 5, "m/s", "its velocity")] = 0.0
+    east_m_s: Annotated[float, Limits(-5, 5, "m/s", "its velocity")] = 0.0
+
+    @property
+    def moves(self) -> bool:
+        """Whether it does."""
+        return bool(self.north_m_s or self.east_m_s)
+
+
+@dataclass(frozen=True, slots=True)
 class WindScene:
     """The air."""
 
@@ -88,6 +103,9 @@ class SensorScene:
     attitude_error_deg: Annotated[float, Limits(0, 10, "deg", "wandering error of roll and pitch")] = 0.15
     velocity_noise_m_s: Annotated[float, Limits(0, 2, "m/s", "noise")] = 0.03
     velocity_error_m_s: Annotated[float, Limits(0, 2, "m/s", "wandering error")] = 0.05
+    velocity_lag_s: Annotated[float, Limits(0, 2, "s", "time constant of a slow filter")] = 0.0
+    velocity_scale: Annotated[float, Limits(0, 10, "", "of the velocity told; 0: always zero")] = 1.0
+    velocity_told: Annotated[bool, Meaning("whether LOCAL_POSITION_NED comes at all")] = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,12 +141,14 @@ class Fault:
     """Something that goes wrong in flight."""
 
     kind: Annotated[
-        Literal["camera_frozen", "camera_lost", "camera_dark", "link_silent", "autopilot_reboot", "mode_change"],
+        Literal["camera_frozen", "camera_looped", "camera_to_and_fro", "camera_lost", "camera_dark", "link_silent",
+                "autopilot_reboot", "mode_change"],
         Meaning("what"),
     ] = "camera_frozen"  # fmt: skip
     at_s: Annotated[float, Limits(0, 3600, "s", "when it begins")] = 5.0
     seconds: Annotated[float, Limits(0, 3600, "s", "how long it lasts")] = 1.0
     mode: Annotated[Literal["LOITER", "BRAKE", "RTL", "ALT_HOLD"], Meaning("of a mode_change")] = "LOITER"
+    loop_s: Annotated[float, Limits(0.1, 60, "s", "of pictures that are looped or run to and fro")] = 1.0
 
     def active(self, time_s: float) -> bool:
         """Whether it is going wrong at this time of the flight."""
@@ -173,6 +193,7 @@ class Scenario:
     basics: Basics = field(default_factory=Basics)
     camera: CameraScene = field(default_factory=CameraScene)
     start: StartScene = field(default_factory=StartScene)
+    ground: GroundScene = field(default_factory=GroundScene)
     wind: WindScene = field(default_factory=WindScene)
     sensors: SensorScene = field(default_factory=SensorScene)
     link: LinkScene = field(default_factory=LinkScene)
@@ -210,6 +231,7 @@ class Scenario:
 _SECTIONS = {
     "camera": CameraScene,
     "start": StartScene,
+    "ground": GroundScene,
     "wind": WindScene,
     "sensors": SensorScene,
     "link": LinkScene,

@@ -1,6 +1,8 @@
 """What a scenario puts into the world: ground, camera and vehicle, and the faults of the camera."""
 
 import math
+from collections import deque
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +12,7 @@ from companion.simulation.scenario import Fault, Scenario
 from drivers.simulated.vehicle.pose_history import PoseHistory
 from drivers.simulated.vehicle.sensors import SensorErrors
 from drivers.simulated.vehicle.vehicle import Ground, Multirotor, Wind
-from drivers.simulated.world.camera import SensorOptions, SimulatedCamera
+from drivers.simulated.world.camera import Pose, SensorOptions, SimulatedCamera
 from drivers.simulated.world.lens import Lens
 from drivers.simulated.world.render import Renderer
 from drivers.simulated.world.truth import FrameTruth
@@ -18,6 +20,20 @@ from drivers.simulated.world.world import World
 from landing.vision.camera import CameraModel, body_from_camera
 
 TEXTURE_SIZE = 512
+
+
+def _to_and_fro(step: int, count: int) -> int:
+    """Backwards from the newest picture, then forwards again."""
+    place = step % (2 * (count - 1))
+    return abs(count - 1 - place)
+
+
+_REPEATS: dict[str, Callable[[int, int], int]] = {
+    "camera_frozen": lambda step, count: -1,
+    "camera_looped": lambda step, count: (step - 1) % count,
+    "camera_to_and_fro": _to_and_fro,
+}
+"""Fault -> which of ``count`` pictures is shown as the ``step``-th of it."""
 
 
 class Scene:
@@ -56,23 +72,40 @@ class Scene:
         self._judge = SimulatedCamera(judge, _sensor(scenario), seed=scenario.basics.seed)
         self.poses = PoseHistory()
         self.poses.add(self.vehicle)
-        self._frozen: NDArray[np.uint8] | None = None
+        g = scenario.ground
+        self._ground_velocity = np.array([g.north_m_s, g.east_m_s, 0.0])
+        loops = [f.loop_s for f in scenario.faults if f.kind in _REPEATS]
+        self._seen: deque[NDArray[np.uint8]] = deque(
+            maxlen=max(2, *(round(s * scenario.camera.rate_hz) for s in (loops or [0])))
+        )
+        """The pictures of before a fault that shows them again."""
+        self._repeated = 0
 
     def picture(self, number: int, time_s: float, flown_s: float) -> NDArray[np.uint8] | None:
         """What the camera delivers of the exposure at ``time_s``, ``flown_s`` into the scenario's flight; or None."""
         if self._fault("camera_lost", flown_s):
             return None
-        if self._fault("camera_frozen", flown_s) and self._frozen is not None:
-            return self._frozen
-        image = self.camera.expose(number, time_s, self.poses.at)
+        repeats = next((k for k in _REPEATS if self._fault(k, flown_s)), "")
+        if repeats and self._seen:
+            self._repeated += 1
+            return self._seen[_REPEATS[repeats](self._repeated, len(self._seen))]
+        self._repeated = 0
+        image = self.camera.expose(number, time_s, self.over_ground)
         if self._fault("camera_dark", flown_s):
             image = (image // 64).astype(np.uint8)
-        self._frozen = image
+        self._seen.append(image)
+        if self.scenario.camera.mirrored:
+            self._seen[-1] = image = np.ascontiguousarray(image[:, ::-1])
         return image
+
+    def over_ground(self, time_s: float) -> Pose:
+        """The pose as seen from the ground, which may move."""
+        pose, velocity = self.poses.at(time_s), self._ground_velocity
+        return replace(pose, position=pose.position - velocity * time_s, velocity=pose.velocity - velocity)
 
     def truth(self, number: int, time_s: float) -> FrameTruth:
         """The truth of the exposure at ``time_s``; its time counts from the autopilot's boot."""
-        truth = self._judge.truth(number, time_s, self.poses.at)
+        truth = self._judge.truth(number, time_s, self.over_ground)
         return _since_boot(truth, self.scenario.link.since_boot_s)
 
     def fault(self, kind: str, time_s: float) -> Fault | None:
@@ -92,6 +125,8 @@ def sensor_errors(scenario: Scenario) -> SensorErrors:
         attitude_error=math.radians(s.attitude_error_deg),
         velocity_noise=s.velocity_noise_m_s,
         velocity_error=s.velocity_error_m_s,
+        velocity_lag_s=s.velocity_lag_s,
+        velocity_scale=s.velocity_scale,
     )
 
 

@@ -72,6 +72,8 @@ class VirtualLink:
             mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: m.state_rate_hz,
             mavlink.MAVLINK_MSG_ID_RC_CHANNELS: m.state_rate_hz,
         }
+        if not scenario.sensors.velocity_told:
+            del self._rates[mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED]
         self._ask_for_rates()
 
     def land(self, time_s: float) -> None:

@@ -9,8 +9,8 @@ import mavsdk
 from mavsdk.plugins.action import Action, ActionError, ActionResult
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from drivers.autopilot.offboard import ENDED, HOLD_MODES, OffboardControl
-from drivers.autopilot.outcome import NO_ANSWER, NO_AUTOPILOT, Outcome
+from drivers.autopilot.offboard import HOLD_MODES, OffboardControl
+from drivers.autopilot.outcome import ENDED, NO_ANSWER, NO_AUTOPILOT, Outcome
 from drivers.errors import DriverError
 from drivers.mavlink.link import Link
 from drivers.samples import CommandAnswer

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from mavsdk.plugins.offboard import Offboard, OffboardError, OffboardResult, VelocityNedYaw
 
-from drivers.autopilot.outcome import NO_ANSWER, Outcome
+from drivers.autopilot.outcome import ENDED, NO_ANSWER, Outcome
 from drivers.mavlink.link import Link
 from drivers.samples import Vector3
 
@@ -27,9 +27,6 @@ STREAM_FIRST_S = 0.3
 INSIST_S = 1.5
 """So long a refused mode is asked for again: PX4's checks lag behind the first setpoint."""
 RETRY_S = 0.3
-ENDED = "ENDED"
-"""The vehicle was taken over, or flies another mode than the order was given in: nothing was sent."""
-
 REFUSED = (OffboardResult.COMMAND_DENIED, OffboardResult.BUSY)
 
 
@@ -46,7 +43,8 @@ class OffboardControl:
     def start(self, given_in: str, yaw: float, limit_m_s: float, lease_s: float) -> Outcome:
         """Take over from flight mode ``given_in``, standing still, and hold the heading ``yaw`` (rad).
 
-        Velocities above ``limit_m_s`` never pass; nor does any when ``velocity`` was not called for ``lease_s``.
+        Velocities above ``limit_m_s`` never pass; nor does any when ``velocity`` was not called for ``lease_s``, which
+        ends the taking over too.
         """
         if not math.isfinite(yaw) or not self._gate.expect(given_in, CONTROL_MODES):
             return Outcome(ENDED, (), "not called")
@@ -58,6 +56,8 @@ class OffboardControl:
         self.velocity((0.0, 0.0, 0.0))
         time.sleep(STREAM_FIRST_S)
         while True:
+            if not self._gate.is_open:
+                return Outcome(ENDED, (), "not called")
             result = self._start()
             if self._gate.ended:
                 return Outcome(ENDED, (), result.name)

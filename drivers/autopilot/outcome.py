@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 NO_ANSWER = "NO_ANSWER"
 NO_AUTOPILOT = "NO_AUTOPILOT"
+ENDED = "ENDED"
+"""The vehicle was taken over, or flies another mode than the order was given in: nothing was sent."""
 
 
 @dataclass(frozen=True, slots=True)

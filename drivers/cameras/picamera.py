@@ -1,18 +1,26 @@
-"""Raspberry Pi cameras through picamera2, which Raspberry Pi OS installs as python3-picamera2."""
+"""Raspberry Pi cameras through picamera2, which Raspberry Pi OS installs as python3-picamera2.
 
-import importlib
+It runs in a process of the system's own Python: built for the system's numpy, it does not import beside ours.
+"""
+
+import json
+import subprocess
 import time
-from typing import Any
+from pathlib import Path
+from typing import IO
 
-import numpy
+import numpy as np
 
-from drivers.cameras.grey import grey_of
+from drivers.cameras import picamera_helper as helper
 from drivers.cameras.interface import CameraFormat, Grab
 from drivers.errors import DriverError
 from drivers.system.host_clock import from_monotonic_us
 
+SYSTEM_PYTHON = Path("/usr/bin/python3")
 DEFAULT_SIZE = (640, 480)
 DEFAULT_RATE_HZ = 30.0
+CLOSE_S = 2.0
+LARGEST_BYTES = 100_000_000
 ABI_WORDS = ("numpy.dtype size changed", "_ARRAY_API", "multiarray", "compiled using NumPy", "numpy.core")
 """What an extension says that was compiled for another numpy."""
 
@@ -23,77 +31,89 @@ class PicameraGrabber:
     def __init__(self, number: int, wanted: CameraFormat) -> None:
         self._number = number
         self._wanted = wanted
-        self._camera: Any = None
-        self._width, self._height = DEFAULT_SIZE
+        self._process: subprocess.Popen[bytes] | None = None
+        self._first: Grab | None = None
+        self._width = 0
 
     def open(self) -> None:
-        """Start the sensor; raises DriverError when picamera2 or the sensor is missing."""
-        picamera2 = _imported()
+        """Start the sensor and await its first frame; raises DriverError when picamera2 or the sensor is missing."""
+        wanted = self._wanted
+        width, height = (wanted.width, wanted.height) if wanted.width else DEFAULT_SIZE
+        self._width = width
+        frame_us = round(1e6 / (wanted.rate_hz or DEFAULT_RATE_HZ))
+        numbers = (self._number, width, height, frame_us, wanted.exposure_us, wanted.gain)
+        # -I: neither the user's packages nor this folder's modules come in the way of the system's.
+        command = [str(SYSTEM_PYTHON), "-I", helper.__file__, *map(str, numbers)]
         try:
-            self._camera = picamera2.Picamera2(self._number)
-            self._start(self._camera)
-        except (RuntimeError, IndexError, OSError) as error:
-            raise DriverError(
-                f"Raspberry Pi camera {self._number}: {error}; is its cable in place?"
-            ) from error
+            self._process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE)
+        except OSError as error:
+            remedy = "'apt install python3 python3-picamera2'"
+            raise DriverError(f"{SYSTEM_PYTHON}: {error.strerror}: {remedy}", remedy) from error
+        try:
+            self._first = self._read()
+        except DriverError:
+            self.close()
+            raise
 
     def grab(self) -> Grab:
-        """The next completed request."""
-        try:
-            request = self._camera.capture_request()
-        except RuntimeError as error:
-            raise DriverError(f"Raspberry Pi camera {self._number}: {error}") from error
-        try:
-            image = grey_of(request.make_array("main"), self._height)[:, : self._width]
-            stamp_ns = request.get_metadata()["SensorTimestamp"]
-        finally:
-            request.release()
-        asleep_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - time.monotonic_ns()
-        return Grab(image.copy(), from_monotonic_us((stamp_ns - asleep_ns) // 1000))
+        """The next frame."""
+        first, self._first = self._first, None
+        return first or self._read()
 
     def close(self) -> None:
         """Stop the sensor."""
-        if self._camera is not None:
-            self._camera.stop()
-            self._camera.close()
+        process, self._process, self._first = self._process, None, None
+        if process is None:
+            return
+        process.terminate()
+        try:
+            process.wait(CLOSE_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        if process.stdout is not None:
+            process.stdout.close()
 
-    def _start(self, camera: Any) -> None:
-        wanted = self._wanted
-        self._width, self._height = (wanted.width, wanted.height) if wanted.width else DEFAULT_SIZE
-        frame_us = round(1e6 / (wanted.rate_hz or DEFAULT_RATE_HZ))
-        controls: dict[str, Any] = {"FrameDurationLimits": (frame_us, frame_us)}
-        if wanted.exposure_us:
-            controls |= {"AeEnable": False, "ExposureTime": wanted.exposure_us}
-        if wanted.gain >= 0:
-            controls["AnalogueGain"] = wanted.gain
-        camera.configure(
-            camera.create_video_configuration(
-                main={"size": (self._width, self._height), "format": "YUV420"},
-                controls=controls,
-                buffer_count=4,
+    def _read(self) -> Grab:
+        process = self._process
+        if process is None or process.stdout is None:
+            raise DriverError(f"Raspberry Pi camera {self._number}: it is closed")
+        pipe = process.stdout
+        kind = self._bytes(pipe, len(helper.MAGIC))
+        if kind == helper.FAULT:
+            (length,) = helper.LENGTH.unpack(self._bytes(pipe, helper.LENGTH.size))
+            raise _refusal(self._number, json.loads(self._bytes(pipe, length)))
+        stamp_ns, rows, stride = helper.FRAME.unpack(self._bytes(pipe, helper.FRAME.size))
+        if kind != helper.MAGIC or rows * stride > LARGEST_BYTES or stride < self._width:
+            raise DriverError(f"Raspberry Pi camera {self._number}: {kind!r} is no frame of its process")
+        image = np.frombuffer(self._bytes(pipe, rows * stride), np.uint8).reshape(rows, stride)
+        asleep_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - time.monotonic_ns()
+        return Grab(image[:, : self._width].copy(), from_monotonic_us((stamp_ns - asleep_ns) // 1000))
+
+    def _bytes(self, pipe: IO[bytes], count: int) -> bytes:
+        try:
+            data = pipe.read(count)
+        except ValueError:  # closed while it was read
+            data = b""
+        if len(data) < count:
+            raise DriverError(
+                f"Raspberry Pi camera {self._number}: its process ended; 'journalctl' has what it said"
             )
-        )
-        camera.start()
+        return data
 
 
-def _imported() -> Any:
-    """picamera2, or a DriverError that says which package is in the way and what to do."""
-    try:
-        return importlib.import_module("picamera2")
-    except Exception as error:  # foreign packages fail to import in any way they like
-        text, remedy = _import_trouble(error)
-        raise DriverError(f"{text}: {remedy}", remedy) from error
+def _refusal(number: int, told: dict[str, str]) -> DriverError:
+    """What the process could not do, and what to do."""
+    if told["where"] == "camera":
+        return DriverError(f"Raspberry Pi camera {number}: {told['text']}; is its cable in place?")
+    text, remedy = _import_trouble(told["kind"], told["missing"], told["text"])
+    return DriverError(f"{text}: {remedy}", remedy)
 
 
-def _import_trouble(error: Exception) -> tuple[str, str]:
-    """What is wrong with an import of picamera2, and what to do."""
-    missing = error.name or "" if isinstance(error, ModuleNotFoundError) else ""
-    said = " ".join(str(error).split())[:200]
+def _import_trouble(kind: str, missing: str, said: str) -> tuple[str, str]:
+    """What is wrong with the system's import of picamera2, and what to do."""
     if missing == "picamera2":
-        remedy = (
-            "'apt install python3-picamera2', and make the virtual environment with --system-site-packages"
-        )
-        return "picamera2 is not installed", remedy
+        return f"picamera2 is not installed for {SYSTEM_PYTHON}", "'apt install python3-picamera2'"
     if missing:
         return (
             f"picamera2 needs the package '{missing}'",
@@ -101,15 +121,10 @@ def _import_trouble(error: Exception) -> tuple[str, str]:
         )
     if any(word in said for word in ABI_WORDS):
         remedy = (
-            'take the frames from the system\'s own program: camera.source = "rtsp://..." or "tcp://127.0.0.1:8888" '
-            "of 'rpicam-vid --listen', or use a system whose python3-numpy has this major version"
+            "'apt install --reinstall python3-numpy python3-picamera2'; remove a numpy below /usr/local/lib"
         )
-        version = numpy.__version__
-        return (
-            f"the system's picamera2 was built for another numpy than the {version} of this environment",
-            remedy,
-        )
+        return "the system's picamera2 was built for another numpy than the one it finds", remedy
     return (
-        f"picamera2 cannot be imported ({type(error).__name__}: {said})",
+        f"picamera2 cannot be imported ({kind}: {said})",
         "'apt install --reinstall python3-picamera2'",
     )

@@ -1,7 +1,9 @@
 """A camera's calibration: the YAML layout of ROS camera_info, written; that and what other tools write, read."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -28,12 +30,18 @@ MODELS = {
 } | {name: name for name in COEFFICIENTS}
 """Names of distortion models, of ROS and of other tools."""
 
+_COVARIANCE = "intrinsics_covariance"
+"""Of fx, fy, cx, cy and the distortion: landslope's own field, which other readers of the layout pass over."""
+
 _UNDISTORTED = {"plumb_bob": (0.0,) * 5, "rational_polynomial": (0.0,) * 8, EQUIDISTANT: (0.0,) * 4}
 
 
 @dataclass(frozen=True, slots=True)
 class CameraInfo:
-    """Image size in pixels, the camera matrix row by row (9 numbers), distortion in OpenCV's order."""
+    """Image size in pixels, the camera matrix row by row (9 numbers), distortion in OpenCV's order.
+
+    ``covariance`` row by row, of the errors of fx, fy, cx, cy and the distortion; empty: not known.
+    """
 
     width: int
     height: int
@@ -41,6 +49,7 @@ class CameraInfo:
     distortion: tuple[float, ...]
     distortion_model: str = "plumb_bob"
     name: str = "camera"
+    covariance: tuple[float, ...] = ()
 
 
 def read_camera_info(path: Path) -> CameraInfo:
@@ -79,13 +88,29 @@ def read_camera_info(path: Path) -> CameraInfo:
         distortion,
         model,
         str(content.get("camera_name", "camera")),
+        _covariance_of(path, content, 4 + len(distortion)),
     )
+
+
+def _covariance_of(path: Path, content: dict[str, Any], size: int) -> tuple[float, ...]:
+    """The intrinsics' covariance, empty where the file has none."""
+    if content.get(_COVARIANCE) is None:
+        return ()
+    found = numbers_of(path, content, _COVARIANCE)
+    if len(found) != size * size:
+        raise DriverError(
+            f"{path}: {_COVARIANCE} has {len(found)} numbers, {size} x {size} are needed; "
+            "without it a usual one is taken"
+        )
+    if not all(math.isfinite(x) for x in found) or min(found[:: size + 1]) < 0:
+        raise DriverError(f"{path}: {_COVARIANCE} must be finite, its diagonal not negative")
+    return found
 
 
 def write_camera_info(path: Path, info: CameraInfo) -> None:
     """Write a calibration; DriverError if the file cannot be written."""
     m = info.matrix
-    content = {
+    content: dict[str, Any] = {
         "image_width": info.width,
         "image_height": info.height,
         "camera_name": info.name,
@@ -95,6 +120,9 @@ def write_camera_info(path: Path, info: CameraInfo) -> None:
         "rectification_matrix": {"rows": 3, "cols": 3, "data": [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]},
         "projection_matrix": {"rows": 3, "cols": 4, "data": [*m[0:3], 0.0, *m[3:6], 0.0, *m[6:9], 0.0]},
     }
+    if info.covariance:
+        size = 4 + len(info.distortion)
+        content[_COVARIANCE] = {"rows": size, "cols": size, "data": list(info.covariance)}
     text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=1000)
     try:
         path.write_text(text, encoding="utf-8")

@@ -1,4 +1,7 @@
-"""A recorded flight: camera.mkv, frames.csv, vehicle.tlog, camera.yaml and landslope.toml in one folder."""
+"""A recorded flight: camera.mkv, frames.csv, vehicle.tlog, camera.yaml and landslope.toml in one folder.
+
+The telemetry may also be the autopilot's own log, with its clock related to the companion's.
+"""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -7,16 +10,19 @@ from heapq import merge
 from pathlib import Path
 
 from drivers.errors import DriverError
+from drivers.files.autopilot_log import LogInTime
 from drivers.files.folder_clock import read_clock
 from drivers.files.frame_table import FrameRow, read_frame_table
 from drivers.files.tlog import read_tlog
 from drivers.files.tlog_survey import STEP_US, ClockStep, Survey, survey_tlog
+from drivers.files.ulog import read_ulog
 from drivers.files.video_file import DEFAULT_FPS, Image, VideoFile
 from drivers.mavlink.telemetry import TelemetryDecoder
 from drivers.refusals import RefusalCode
 from drivers.samples import ClockOffset, Frame, Refusal, Sample
 
 VIDEO, STAMPS, TELEMETRY = "camera.mkv", "frames.csv", "vehicle.tlog"
+ULOG = "vehicle.ulg"
 GAP_MIN = 0.5
 """Share of a frame's period by which a gap in the presentation times must be longer, and rows may differ from it."""
 
@@ -34,7 +40,10 @@ class FlightFolder:
     be replayed at all; damage inside of a file comes as refusals among the samples.
     """
 
-    def __init__(self, path: Path, system_id: int = 0, component_id: int = 1) -> None:
+    def __init__(
+        self, path: Path, system_id: int = 0, component_id: int = 1, telemetry: LogInTime | None = None
+    ) -> None:
+        """``telemetry`` takes the place of vehicle.tlog: the autopilot's log in the companion's time."""
         self.path = Path(path)
         if not self.path.is_dir():
             raise DriverError(f"{path}: there is no such flight folder; check the path")
@@ -43,11 +52,12 @@ class FlightFolder:
         self.settings = _existing(self.path / SETTINGS)
         self._system_id, self._component_id = system_id, component_id
         self._tlog = self.path / TELEMETRY
-        if not self._tlog.is_file():
+        self._log = telemetry
+        if telemetry is None and not self._tlog.is_file():
             raise DriverError(
                 f"{self._tlog}: the telemetry is missing; to go without it, replay {VIDEO} alone"
             )
-        survey = survey_tlog(self._tlog, component_id)
+        survey = survey_tlog(self._tlog, component_id) if telemetry is None else telemetry.survey()
         if system_id == 0 and len(survey.vehicles) > 1:
             ids = " and ".join(map(str, survey.vehicles))
             raise DriverError(
@@ -104,7 +114,8 @@ class FlightFolder:
         decoder = TelemetryDecoder(self._system_id, self._component_id)
         shift, previous, order = 0, 0, 0
         steps = list(self._steps)
-        for sample in read_tlog(self._tlog, decoder):
+        recorded = read_tlog(self._tlog, decoder) if self._log is None else self._log.samples()
+        for sample in recorded:
             arrival_us = sample.arrival_us
             if previous and steps and _is_step(steps[0], arrival_us - previous):
                 shift += steps.pop(0).size_us
@@ -172,6 +183,24 @@ class FlightFolder:
             if row is not None and abs((row.order_us - before.order_us) * 1e-6 - gap_s) < GAP_MIN * period_s:
                 return later
         return number
+
+
+def log_in(path: Path) -> LogInTime | None:
+    """PX4's log of a folder without a tlog, in the frames' time; None where there is none.
+
+    DriverError where it cannot be read, or where nothing in it tells the companion's time.
+    """
+    if (path / TELEMETRY).exists() or not (path / ULOG).is_file():
+        return None
+    log = read_ulog(path / ULOG)
+    orders = [row.order_us for row in read_frame_table(path / STAMPS).rows.values()]
+    in_time = log.by_round_trips(min(orders), max(orders))
+    if in_time is None:
+        raise DriverError(
+            f"{path / ULOG}: no timesync_status in it was made with the clock of {STAMPS}: landslope answers PX4's "
+            "TIMESYNC requests while it runs; replay such a flight with its vehicle.tlog"
+        )
+    return in_time
 
 
 def later(sample: Sample, add_us: int) -> Sample:

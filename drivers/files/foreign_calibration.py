@@ -14,6 +14,7 @@ NAMES = {
     "distortion_coefficients": ("Distortion_Coefficients", "distCoeffs", "dist_coeffs", "d", "D"),
     "camera_name": (),
     "distortion_model": (),
+    "intrinsics_covariance": (),
 }
 """camera_info's names, and those of OpenCV's programs and of ROS messages (1: K and D, 2: k and d)."""
 

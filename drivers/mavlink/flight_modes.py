@@ -38,6 +38,29 @@ _PX4_AUTO_MODES = {
     **{10 + number: f"EXTERNAL{number}" for number in range(1, 9)},
 }
 
+_PX4_STATES = {
+    0: "MANUAL",
+    1: "ALTCTL",
+    2: "POSCTL",
+    3: "MISSION",
+    4: "HOLD",
+    5: "RTL",
+    6: "POSITION_SLOW",
+    10: "ACRO",
+    12: "LAND",  # descends without a position; HEARTBEAT says LAND
+    13: "TERMINATION",
+    14: "OFFBOARD",
+    15: "STABILIZED",
+    17: "TAKEOFF",
+    18: "LAND",
+    19: "FOLLOWME",
+    20: "PRECLAND",
+    21: "ORBIT",
+    22: "VTOL_TAKEOFF",
+    **{22 + number: f"EXTERNAL{number}" for number in range(1, 9)},
+}
+"""vehicle_status.nav_state of PX4's logs."""
+
 ALIASES = {
     "Position": "POSCTL",
     "Altitude": "ALTCTL",
@@ -75,6 +98,11 @@ def mode_name(autopilot: int, vehicle_type: int, custom_mode: int) -> str:
         entry = mavlink.enums.get(enumeration, {}).get(custom_mode)
         name = entry.name.removeprefix(enumeration + "_") if entry else None
     return name or f"MODE {custom_mode}"
+
+
+def px4_mode_of_state(nav_state: int) -> str:
+    """The mode of a ``nav_state`` in PX4's log, by the name that its HEARTBEAT has."""
+    return _PX4_STATES.get(nav_state, f"STATE {nav_state}")
 
 
 @lru_cache(maxsize=1)

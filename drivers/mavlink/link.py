@@ -240,6 +240,9 @@ class Link:
             samples = self._decoder.decode(message, now_us)
             for sample in samples:
                 self._watch(sample, now_us)
+            if message.get_type() == "TIMESYNC" and message.tc1 == 0:
+                # the autopilot's own question: with our answer its log relates both clocks
+                self.send(dialect.MAVLink_timesync_message(host_now_us() * 1000, message.ts1))
         # Last, so that an answer is on record before MAVSDK's call returns with it.
         if self.raw_out is not None:
             self.raw_out(unsigned(frame.data))

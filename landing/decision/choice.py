@@ -35,6 +35,8 @@ class Choice:
         self._reach_m = reach_m
         self.spot_ned: Vector | None = None
         self._refused: list[Vector] = []
+        self._merit = 0.0
+        """Of the chosen place, when it was among the best last."""
 
     def forget(self) -> None:
         """A new procedure."""
@@ -57,18 +59,27 @@ class Choice:
             return False
         best, spot = max(here, key=lambda entry: merit(entry[1], i.lean))
         if self.spot_ned is None:
-            self.spot_ned = best
+            self.spot_ned, self._merit = best, merit(spot, i.lean)
             return True
         chosen = self.spot_ned
         kept = self._kept(here, chosen)
         if kept is not None:
             self.spot_ned = chosen = _between(chosen, kept[0], FOLLOW)
-        if merit(spot, i.lean) - (merit(kept[1], i.lean) if kept else 0.0) <= CLEARLY_M:
+            self._merit = merit(kept[1], i.lean)
+        if merit(spot, i.lean) - self._merit <= CLEARLY_M:
             return False
         if _apart(best, chosen) <= SAME_M:
             return False
-        self.spot_ned = best
+        self.spot_ned, self._merit = best, merit(spot, i.lean)
         return True
+
+    def follow(self, i: Inputs) -> None:
+        """Keep the chosen place where the discs show it, and choose no other."""
+        if self.spot_ned is None or not i.spots:
+            return
+        kept = self._kept([(self._place(spot, i), spot) for spot in i.spots], self.spot_ned)
+        if kept is not None:
+            self.spot_ned = _between(self.spot_ned, kept[0], FOLLOW)
 
     def _kept(self, here: list[tuple[Vector, Spot]], chosen: Vector) -> tuple[Vector, Spot] | None:
         """The disc that is the chosen place, as it is seen now."""

@@ -92,11 +92,11 @@ def against_landing(
     if reasons:
         return reasons
     height_m = estimate.height_m
-    if math.isfinite(height_m):
-        upper = (estimate.roughness + o.roughness_sigmas * estimate.roughness_std) * height_m
-        limit = o.max_relief_m * (1 + widen)
-        if upper > limit:
-            return (Reason(Code.RELIEF_UNRESOLVED, upper=upper, limit=limit, height_m=height_m),)
+    upper = (estimate.roughness + o.roughness_sigmas * estimate.roughness_std) * height_m
+    limit = o.max_relief_m * (1 + widen)
+    # without a height there is only the relief over the distance; the ground map asks for metres
+    if upper > limit:
+        return (Reason(Code.RELIEF_UNRESOLVED, upper=upper, limit=limit, height_m=height_m),)
     if area is None:
         return ()
     seen = area.look(estimate)
@@ -157,19 +157,19 @@ class Decider:
         if not reasons:
             if now - self._seen_s > o.patience_s:
                 # after a silence nothing is known of what came between
-                fit, self._flat_since = False, None
+                self._flat_since = None
             self._seen_s = now
             if self._flat_since is None:
                 self._flat_since = now
             held = now - self._flat_since
-            if fit or held >= o.dwell_s:
+            if held >= o.dwell_s:
                 return self._turn("fit", (), now)
             return self._turn("unknown", (Reason(Code.DWELL, value=held, limit=o.dwell_s),), now)
         certain = any(reason.certainty is Certainty.CERTAIN for reason in reasons)
         doubtful = any(reason.ends_verdict for reason in reasons)
         if fit and not doubtful and now - self._seen_s <= o.patience_s:
             return self._turn("fit", (), now)
-        if doubtful or now - self._seen_s > o.patience_s:
+        if doubtful:
             self._flat_since = None
         return self._turn("unfit" if certain else "unknown", reasons, now)
 

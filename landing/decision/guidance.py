@@ -38,7 +38,7 @@ def limited(velocity: Vector, speed: float) -> Vector:
     """The velocity, its horizontal and vertical parts at most ``speed`` each; no speed for what is no number."""
     if not all(map(math.isfinite, velocity)):
         return STILL
-    north, east, down = velocity
+    north, east, down = map(float, velocity)
     size = math.hypot(north, east)
     shrink = 1.0 if size <= speed else speed / size
     return north * shrink, east * shrink, min(max(down, -speed), speed)

@@ -188,6 +188,7 @@ class Step:
     changed: bool
     spot_ned: Vector | None = None
     about: str = ""
+    place_ned: Vector | None = None
 
     @property
     def words(self) -> str:

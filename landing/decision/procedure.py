@@ -68,6 +68,7 @@ class Procedure:
         self._tries = 0
         self._followed = False
         self._origin: Vector = STILL
+        self._place: Vector = STILL
         self._fence = Fence(options, Inputs(time_s=math.nan))
         self._from_m = math.nan
         self._level = 0.0
@@ -86,7 +87,7 @@ class Procedure:
     def step(self, i: Inputs) -> Step:
         """Take a frame; times must rise."""
         before = self.state, self.why
-        self._seen_s = i.time_s
+        self._seen_s, self._place = i.time_s, i.place_ned
         order = self._fly(i) if self.state in MOVING else self._rest(i)
         return self._told(order, before)
 
@@ -106,12 +107,13 @@ class Procedure:
 
     def _told(self, order: Order, before: tuple[State, Why]) -> Step:
         changed = (self.state, self.why) != before
-        return Step(order, self.state, self.why, changed, self._choice.spot_ned, self._about)
+        return Step(order, self.state, self.why, changed, self._choice.spot_ned, self._about, self._place)
 
     # -- what ends it ------------------------------------------------------------------------------------
 
     def _ended(self, objections: tuple[Withheld, ...], mode: str | None) -> tuple[Why, str] | None:
-        if self._followed and mode not in OUR_MODES:
+        # until the autopilot follows, it may fly on in the mode that it was taken over from, and in no other
+        if mode not in OUR_MODES and (self._followed or mode not in self.options.takeover_modes):
             return Why.MODE_LEFT, mode or ""
         against = [o for o in objections if o not in OWN]
         return (Why.PERMISSION_ENDED, against[0].value) if against else None
@@ -257,17 +259,20 @@ class Procedure:
 
     def _come_down(self, i: Inputs) -> Vector | Order:
         o, height = self.options, i.height_m
-        self._choice.step(i, self._origin)
+        self._choice.follow(i)
         spot = self._choice.spot_ned
-        if i.at_spot.verdict == LANDABLE:
+        known = math.isfinite(height)
+        if i.at_spot.verdict == LANDABLE and known:
             self._sure_s = i.time_s
         unsure_s = i.time_s - self._sure_s
-        if spot is None or not math.isfinite(height):
+        if spot is None:
             return self._stop(i, Why.SPOT_LOST)
         if i.at_spot.verdict == HAZARD:
             return self._stop(i, Why.SPOT_HAZARD)
         if unsure_s > UNKNOWN_S:
             return self._stop(i, Why.SPOT_UNKNOWN)
+        if not known:
+            return STILL
         off = math.dist(i.place_ned[:2], spot[:2])
         if off > ARRIVED_M + 4 * ARRIVED_SHARE * height:
             # another place was found, or a gust: not down beside it

@@ -10,6 +10,7 @@ from landing.observation import Observation
 from landing.options import TrackingOptions
 from landing.rotations import exp_so3
 from landing.vision.camera import CameraModel
+from landing.vision.lens_doubt import LensDoubt
 from landing.vision.rolling_shutter import Motion, Rows
 from landing.vision.tracking import FeatureTracker, TrackPair
 
@@ -74,6 +75,7 @@ class Views:
         self.tracker = FeatureTracker(camera, options)
         self.rows = Rows(camera, self.tracker)
         """The tracks at their frames' times; what is measured from them takes these places."""
+        self._lens = LensDoubt(camera)
         self._views: list[View] = []
         slots = len(self.tracker.alive)
         self._rays = np.full((FeatureTracker.HISTORY, 3, slots), np.nan)
@@ -287,6 +289,12 @@ class Views:
             if self.rows.known
             else (self.rows.moves(0, tracks.slots), self.rows.moves(gap, tracks.slots)),
         )
+
+    def lens_moves(self, gap: int, slots: NDArray[np.intp]) -> tuple[Array, Array]:
+        """How ``slots`` move (k, n, 2) with each error of the lens, in the newest frame and ``gap`` frames before."""
+        tracker = self.tracker
+        new, old = (tracker.pixel_history[(tracker.frame - k) % tracker.HISTORY] for k in (0, gap))
+        return self._lens.moves(new.take(slots, 0)), self._lens.moves(old.take(slots, 0))
 
 
 def derotate(old: Array, old_from_new: Array) -> Array:

@@ -50,6 +50,8 @@ class Evidence:
         """Slope tangents x and y in the world; their covariance xx, xy, yy."""
         self._sensitivity = np.zeros((2, _CAPACITY))
         """What each slope changes by per unit of an unknown that all of them share."""
+        self._lens: Array = np.zeros((2, 0, _CAPACITY))
+        """What each slope changes by with every error of the lens, each of unit variance."""
         self.sensitivity = np.zeros(2)
         """The same of the slopes that were fused last (2,), in the world."""
         self._fused: tuple[float, Array, Array] | None = None
@@ -70,10 +72,12 @@ class Evidence:
         covariance: Array,
         gap: int,
         sensitivity: Array | None = None,
+        lens: Array | None = None,
     ) -> None:
         """Remember the slope tangents (a, b) with covariance (2, 2), from a baseline of ``gap`` frames.
 
-        ``sensitivity`` (2,): what they change by per unit of the unknown that all of them share.
+        ``sensitivity`` (2,): what they change by per unit of the unknown that all of them share. ``lens`` (2, k): by
+        each of k errors of the lens, of unit variance.
         """
         turned = to_world(ned_from_camera, a, b, covariance)
         if turned is None:
@@ -96,6 +100,10 @@ class Evidence:
             )
             if moved is not None:
                 self._sensitivity[:, end] = (moved[0] - turned[0]) / _TINY
+        if lens is not None:
+            if self._lens.shape[1] != lens.shape[1]:
+                self._lens = np.zeros((2, lens.shape[1], _CAPACITY))
+            self._lens[..., end] = _slopes_turned(ned_from_camera, a, b) @ lens
         self._end += 1
 
     def shift(self, change: float) -> None:
@@ -126,6 +134,7 @@ class Evidence:
             self._slope,
             self._covariance,
             self._sensitivity,
+            self._lens,
         )
 
     @property
@@ -152,6 +161,7 @@ class Evidence:
         sensitivity = self._sensitivity[:, order]
         if unknown_std > 0:
             covariance += _outer(sensitivity) * unknown_std**2
+        lens = self._lens[..., order]
         counted = _inverse(covariance)
         counted *= share
         total, summed, mean = _running(counted, slope)
@@ -170,6 +180,11 @@ class Evidence:
             common = 1 - 1 / max(1.0, float(share[:last].sum()))
             self._fused = time_s, mean[:, last - 1].copy(), world
             world = _matrix(used + _outer(self.sensitivity) * (common * unknown_std**2), o.floor_std)
+        # errors of the lens are the same in all
+        both = _product(
+            summed[:, last - 1, None], _product(counted[:, None, :last], lens[..., :last]).sum(axis=2)
+        )
+        world = world + both @ both.T
         return from_world(ned_from_camera, mean[:, last - 1], world)
 
     def _agreeing(self, slope: Array, covariance: Array, share: Array, summed: Array, mean: Array) -> int:
@@ -204,6 +219,13 @@ def to_world(ned_from_camera: Array, a: float, b: float, covariance: Array) -> t
         return None
     slope = x / z, y / z
     return np.array(slope), _carried(rows, slope, z, covariance)
+
+
+def _slopes_turned(ned_from_camera: Array, a: float, b: float) -> Array:
+    """How slope tangents in the world change (2, 2) with (a, b) in the camera frame."""
+    x, y, z = ned_from_camera @ (-a, -b, 1.0)
+    moved = -ned_from_camera[:, :2]
+    return np.asarray((moved[:2] - np.outer((x / z, y / z), moved[2])) / z, np.float64)
 
 
 def from_world(ned_from_camera: Array, slope: Array, covariance: Array) -> tuple[float, float, Array] | None:

@@ -74,11 +74,13 @@ class MapEstimator:
                 fit.covariance[3:5, 3:5],
                 gap,
                 None if fit.sensitivity is None else (fit.covariance @ fit.sensitivity.gradient)[3:5],
+                fit.lens[3:5],
             )
         if newest.ned_from_camera is None or not baseline.derotated:
             if fit is None:
                 return Plane("motion_too_small", gap=gap)
-            return self._plane(views, baseline, fit, fit.a, fit.b, fit.covariance[3:5, 3:5])
+            lens = fit.lens[3:5]
+            return self._plane(views, baseline, fit, fit.a, fit.b, fit.covariance[3:5, 3:5] + lens @ lens.T)
         if fit is None and not self._still_seen(views):
             self.evidence.clear()
         fused = self.evidence.fuse(newest.time_s, newest.ned_from_camera, views.rows.std_s)
@@ -151,10 +153,10 @@ class MapEstimator:
         fit = None
         start = self._predicted(views, baseline.interval_s)
         if start is not None:
-            fit = self._refine(baseline, prior, start, (self._weight[tracks.slots], self._noise))
+            fit = self._refine(views, baseline, prior, start, (self._weight[tracks.slots], self._noise))
         if fit is None or np.count_nonzero(fit.weight) < o.restart_below * len(fit.weight):
             # a wrong plane would otherwise carry itself on
-            other = self._refine(baseline, prior)
+            other = self._refine(views, baseline, prior)
             if fit is None or (other is not None and other.noise < fit.noise):
                 fit = other
         return fit
@@ -172,14 +174,25 @@ class MapEstimator:
 
     def _refine(
         self,
+        views: Views,
         baseline: Baseline,
         prior: FitPrior,
         start: tuple[Array, float, float] | None = None,
         carried: tuple[Array, float] | None = None,
     ) -> PlaneFit | None:
         t = baseline.tracks
-        rotation, cut = baseline.old_from_new, self.options.map_cut
-        return fit_plane(t.new, t.old, rotation, t.whitener, prior, start, carried, cut, moves=baseline.moves)
+        return fit_plane(
+            t.new,
+            t.old,
+            baseline.old_from_new,
+            t.whitener,
+            prior,
+            start,
+            carried,
+            self.options.map_cut,
+            moves=baseline.moves,
+            lens_moves=views.lens_moves(baseline.gap, t.slots),
+        )
 
     def _plane(
         self, views: Views, baseline: Baseline, fit: PlaneFit | None, a: float, b: float, covariance: Array

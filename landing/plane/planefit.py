@@ -7,14 +7,15 @@ old_from_new and d its small error, which has a prior. The paper's Eqs. 7 and 8 
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from landing.plane.start import start_from_homography
 from landing.rotations import exp_so3, skew
-from landing.vision.homography import robust, towards
+from landing.vision.homography import towards
 
 Points = NDArray[np.float64]
 Array = NDArray[np.float64]
@@ -85,6 +86,8 @@ class PlaneFit:
     converged: bool
     prior: FitPrior
     sensitivity: Sensitivity | None = None
+    lens: Array = field(default_factory=lambda: np.zeros((PARAMETERS, 0)))
+    """How the parameters change (8, k) with each of k errors of the lens."""
 
     @property
     def normal(self) -> Array:
@@ -104,6 +107,7 @@ def fit_plane(
     iterations: int = 15,
     tolerance: float = 0.45,
     moves: tuple[Points, Points] | None = None,
+    lens_moves: tuple[Array, Array] | None = None,
 ) -> PlaneFit | None:
     """Fit the plane to tracks ``new`` and ``old`` (n, 2), normalised coordinates of two frames.
 
@@ -113,7 +117,7 @@ def fit_plane(
     each residual, cut at ``cut`` times the noise, which is estimated along the way (median, then the inliers'); done
     when Newton's decrement is below ``tolerance``: the step was then a quarter of a sigma in each parameter, and what
     is left of it is far less. ``moves`` (n, 2) each: how new and old points move with an unknown of which the
-    ``sensitivity`` is wanted.
+    ``sensitivity`` is wanted; ``lens_moves`` (k, n, 2) each: the same of k errors of the lens, for ``lens``.
     """
     if len(new) < PARAMETERS:
         return None
@@ -178,6 +182,7 @@ def fit_plane(
         converged,
         prior,
         None if moves is None else problem.sensitivity(x, weight, noise, *moves),
+        *(() if lens_moves is None else (covariance @ problem.lens_gradient(x, weight, noise, *lens_moves),)),
     )
 
 
@@ -240,12 +245,8 @@ class _Problem:
         """Gauss-Newton matrix (8, 8) and right-hand side (8,) at x."""
         if self.at is not x:
             self.residual(x)
-        rows, n = self.rows, len(self.inverse)
-        # (row of M, column of M, u and v, track)
-        elements = rows[:_ELEMENTS].reshape(3, 3, 2, n)
-        np.multiply(self.columns[:, None], (self.p * self.inverse)[None, :, None], out=elements)
-        # the third row lowers what is projected
-        np.negative(elements[2], out=elements[2])
+        rows = self.rows
+        self._elements()
         weighted = rows[:_ELEMENTS] * (weight * noise**-2)
         product = np.dot(weighted.reshape(_ELEMENTS, -1), rows.reshape(_ELEMENTS + 1, -1).T)
         k = self._derivatives(x)
@@ -265,12 +266,31 @@ class _Problem:
         moved = old_moves.T - (there[:2] / there[2] - self.projected) / step
         changed = np.stack((self.c11 * moved[0] + self.c12 * moved[1], self.c22 * moved[1]))
         weighted = changed * (weight * noise**-2)
-        n = len(self.inverse)
-        elements = self.rows[:_ELEMENTS].reshape(3, 3, 2, n)
-        np.multiply(self.columns[:, None], (self.p * self.inverse)[None, :, None], out=elements)
-        np.negative(elements[2], out=elements[2])
-        gradient = self._derivatives(x) @ (self.rows[:_ELEMENTS].reshape(_ELEMENTS, -1) @ weighted.ravel())
+        gradient = self._derivatives(x) @ (self._elements() @ weighted.ravel())
         return Sensitivity(gradient, float((weighted * changed).sum()), -float((weighted * left).sum()))
+
+    def lens_gradient(
+        self, x: Array, weight: Array, noise: float, new_moves: Array, old_moves: Array
+    ) -> Array:
+        """J^T W r_k (8, k) of moving the new and the old points by these (k, n, 2), at the solution x."""
+        self.residual(x)
+        matrix = np.dot(self.rotation, self.to_seen)
+        there = np.matmul(matrix[:, :2], new_moves.transpose(0, 2, 1))
+        moved = old_moves.transpose(0, 2, 1) - (there[:, :2] - self.projected * there[:, 2:]) * self.inverse
+        changed = np.empty_like(moved)
+        changed[:, 0] = self.c11 * moved[:, 0] + self.c12 * moved[:, 1]
+        changed[:, 1] = self.c22 * moved[:, 1]
+        changed *= weight * noise**-2
+        return np.asarray(self._derivatives(x) @ (self._elements() @ changed.reshape(len(moved), -1).T))
+
+    def _elements(self) -> Array:
+        """What the elements of M do to the whitened residuals (9, 2n), where ``residual`` was called last."""
+        # (row of M, column of M, u and v, track)
+        elements = self.rows[:_ELEMENTS].reshape(3, 3, 2, len(self.inverse))
+        np.multiply(self.columns[:, None], (self.p * self.inverse)[None, :, None], out=elements)
+        # the third row lowers what is projected
+        np.negative(elements[2], out=elements[2])
+        return self.rows[:_ELEMENTS].reshape(_ELEMENTS, -1)
 
     def _derivatives(self, x: Array) -> Array:
         """d M / d x (8, 9) at x, M row by row."""
@@ -310,32 +330,3 @@ class _Problem:
 def _homogeneous(moves: Points) -> Array:
     """Moves (n, 2) of normalised points as those of homogeneous ones (3, n)."""
     return np.concatenate((moves.T, np.zeros((1, len(moves)))))
-
-
-def start_from_homography(new: Points, old: Points, old_from_new: Array) -> tuple[Array, float, float] | None:
-    """(t, a, b) from the rank-1 split of a robust homography of the derotated tracks.
-
-    The homography new -> derotated old is (I - t n^T) up to scale; its middle singular value is the scale.
-    """
-    p = np.column_stack((new, np.ones(len(new))))
-    q = np.column_stack((old, np.ones(len(old)))) @ old_from_new
-    if (q[:, 2] <= 1e-6).any():
-        return None
-    q = q / q[:, 2:]
-    h = robust(p[:, :2], q[:, :2])
-    if h is None:
-        return None
-    singular = np.linalg.svd(h, compute_uv=False)
-    if singular[1] < 1e-9:
-        return None
-    h = h / singular[1]
-    if np.linalg.det(h) < 0:
-        h = -h
-    u, s, vt = np.linalg.svd(np.eye(3) - h)
-    n = vt[0]
-    if abs(n[2]) < 1e-3 * np.linalg.norm(n[:2]) or abs(n[2]) < 1e-6:
-        return u[:, 0] * s[0], 0.0, 0.0
-    t = u[:, 0] * s[0] * n[2]
-    a, b = -n[0] / n[2], -n[1] / n[2]
-    limit = 4.0
-    return t, float(np.clip(a, -limit, limit)), float(np.clip(b, -limit, limit))

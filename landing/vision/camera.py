@@ -35,6 +35,7 @@ class CameraModel:
         readout_s: float | None = 0.0,
         *,
         equidistant: bool = False,
+        intrinsics_covariance: NDArray[np.float64] | None = None,
         mask: NDArray[np.bool_] | None = None,
     ) -> None:
         """``matrix`` (3, 3) and ``distortion`` (4, 5, 8, 12 or 14,) as OpenCV and ROS have them.
@@ -43,8 +44,10 @@ class CameraModel:
 
         ``equidistant``: a wide lens, ``distortion`` (4,) as of cv2.fisheye. ``readout_s``: time from the first row's
         exposure to the last's; 0: global shutter, negative: the last row is exposed first, None: not known.
+        ``intrinsics_covariance``: of the errors of fx, fy, cx, cy and the distortion (4 + k, 4 + k), None: not known.
         """
         self.readout_s = readout_s
+        self.intrinsics_covariance = intrinsics_covariance
         self.width, self.height = int(width), int(height)
         self.mask = None if mask is None else np.asarray(mask, bool)
         if self.mask is not None and self.mask.shape != (self.height, self.width):
@@ -54,6 +57,12 @@ class CameraModel:
         self.matrix = np.asarray(matrix, np.float64).reshape(3, 3)
         self.distortion = np.zeros(5) if distortion is None else np.asarray(distortion, np.float64).ravel()
         self.body_from_camera = np.asarray(body_from_camera, np.float64).reshape(3, 3)
+        if intrinsics_covariance is not None:
+            size = 4 + self.distortion.size
+            if intrinsics_covariance.shape != (size, size) or not np.isfinite(intrinsics_covariance).all():
+                raise LandingError(
+                    f"the intrinsics' covariance is {intrinsics_covariance.shape}: must be ({size}, {size}), finite"
+                )
         if self.width < 16 or self.height < 16:
             raise LandingError(f"an image of {width} x {height} is too small: at least 16 x 16")
         if not (self.matrix[0, 0] > 0 and self.matrix[1, 1] > 0 and np.isfinite(self.matrix).all()):
@@ -107,6 +116,14 @@ class CameraModel:
             return None
         side = 2 * margin_px + 1
         return cv2.dilate(self.mask.astype(np.uint8), np.ones((side, side), np.uint8)).view(bool)
+
+    def changed(self, change: NDArray[np.float64]) -> "CameraModel":
+        """The same camera with fx, fy, cx, cy and the distortion changed by ``change`` (4 + k,)."""
+        matrix = self.matrix.copy()
+        matrix[(0, 1, 0, 1), (0, 1, 2, 2)] += change[:4]
+        return CameraModel(
+            self.width, self.height, matrix, self.distortion + change[4:], equidistant=self.equidistant
+        )
 
     @property
     def equidistant(self) -> bool:

@@ -1,12 +1,14 @@
 """What a report needs beside the history: the overlay video, the path, the autopilot's mode, the ground maps."""
 
+import math
 import tempfile
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
-from companion.messages.messages import Decision, Message, topic_of
+from companion.messages.ground import Ground
+from companion.messages.messages import Decision, Message
 from companion.replay.overlay import OverlayWriter
 from drivers.samples import Frame, Heartbeat, Sample, Velocity
 from landing.estimate import SurfaceEstimate
@@ -15,13 +17,13 @@ from landing.vision.camera import CameraModel
 VIDEO_WIDTH_PX = 640
 """Width of the embedded video: the overlay's words are legible, and half a minute stays under about 8 MB."""
 PATH_STEP_S = 0.1
-GROUND = "ground"
 
 
 class ReportRecorder:
     """Is given everything of one replay in order; times are seconds since the first frame."""
 
-    def __init__(self, camera: CameraModel) -> None:
+    def __init__(self, camera: CameraModel, radius_m: float = math.nan) -> None:
+        """``radius_m``: of the disc that the vehicle stands on."""
         self.path: list[tuple[float, float, float, float]] = []
         """(time_s, north_m, east_m, down_m) of the vehicle in the autopilot's local frame."""
         self.modes: list[tuple[float, str, bool]] = []
@@ -31,7 +33,7 @@ class ReportRecorder:
         self.frames = 0
         self._directory = tempfile.TemporaryDirectory(prefix="landslope-report-")
         self._file = Path(self._directory.name) / "overlay.webm"
-        self._writer = OverlayWriter(self._file, camera, VIDEO_WIDTH_PX)
+        self._writer = OverlayWriter(self._file, camera, VIDEO_WIDTH_PX, radius_m)
 
     def sample(self, sample: Sample, time_s: float) -> None:
         """A sample as it went into the core."""
@@ -47,7 +49,8 @@ class ReportRecorder:
         """A message of the core."""
         if isinstance(message, Decision):
             self._writer.decided(message)
-        elif topic_of(message) == GROUND:
+        elif isinstance(message, Ground):
+            self._writer.mapped(message)
             self.grounds.append((time_s, msgspec.to_builtins(message)))
 
     def requested(self, time_s: float) -> None:

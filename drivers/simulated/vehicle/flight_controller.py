@@ -14,7 +14,7 @@ from drivers.simulated.vehicle.parameters import Parameters
 from drivers.simulated.vehicle.precision_landing import PrecisionLanding
 from drivers.simulated.vehicle.quaternion import Quaternion, Vector, from_euler
 from drivers.simulated.vehicle.vehicle import AttitudeCommand, Multirotor
-from drivers.simulated.vehicle.velocity_loop import FlightGains, VelocityLoop
+from drivers.simulated.vehicle.velocity_loop import FlightGains, VelocityLoop, stopping_point
 
 NOT_ARMABLE = ("AUTO", "RTL", "LAND", "BRAKE")
 STICK_MIDDLE_US, STICK_SPAN_US, STICK_DEAD = 1500, 400, 0.05
@@ -70,6 +70,8 @@ class FlightController:
         if name != self.mode:
             self.mode = name
             self._hold_here()
+            if name == "LAND":
+                self._target = stopping_point(self.vehicle, self.gains)
             self.firmware.entered(self)
             self._precision.begin(self.vehicle)
         return True

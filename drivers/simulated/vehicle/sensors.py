@@ -23,6 +23,10 @@ class SensorErrors:
     """m/s, white."""
     velocity_error: float = 0.0
     """m/s, wanders as the attitude's error."""
+    velocity_lag_s: float = 0.0
+    """Time constant of a filter that follows the velocity slowly, as with a weak GPS; 0: none."""
+    velocity_scale: float = 1.0
+    """Of the velocity told; zeros came from an ArduCopter whose EKF had no source of velocity, in SITL."""
 
 
 @dataclass(slots=True)
@@ -36,6 +40,7 @@ class Sensors:
     _bias: Vector = field(init=False)
     _tilt: list[float] = field(init=False)
     _drift: list[float] = field(init=False)
+    _slow: Vector = field(init=False)
 
     def __post_init__(self) -> None:
         self._random = random.Random(self.seed)
@@ -43,10 +48,18 @@ class Sensors:
         self._bias = (draw(0, e.gyro_bias), draw(0, e.gyro_bias), draw(0, e.gyro_bias))
         self._tilt = [draw(0, e.attitude_error), draw(0, e.attitude_error), draw(0, 2 * e.attitude_error)]
         self._drift = [draw(0, e.velocity_error) for _ in range(3)]
+        self._slow = self.vehicle.velocity
 
     def step(self, dt: float) -> None:
         """Advance the slow errors by ``dt`` seconds."""
         e = self.errors
+        follows = 1.0 if e.velocity_lag_s <= 0 else 1.0 - math.exp(-dt / e.velocity_lag_s)
+        now, slow = self.vehicle.velocity, self._slow
+        self._slow = (
+            slow[0] + follows * (now[0] - slow[0]),
+            slow[1] + follows * (now[1] - slow[1]),
+            slow[2] + follows * (now[2] - slow[2]),
+        )
         if e.attitude_error <= 0.0 and e.velocity_error <= 0.0:
             return
         keep = math.exp(-dt / e.attitude_time_s)
@@ -69,5 +82,7 @@ class Sensors:
     def velocity(self) -> Vector:
         """NED, m/s, as estimated."""
         noise, n = self._random.gauss, self.errors.velocity_noise
-        v, d = self.vehicle.velocity, self._drift
-        return (v[0] + d[0] + noise(0, n), v[1] + d[1] + noise(0, n), v[2] + d[2] + noise(0, n))
+        v = self.vehicle.velocity if self.errors.velocity_lag_s <= 0 else self._slow
+        d, scale = self._drift, self.errors.velocity_scale
+        north, east, down = (scale * (v[i] + d[i] + noise(0, n)) for i in range(3))
+        return (north, east, down)

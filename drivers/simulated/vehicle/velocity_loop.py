@@ -25,6 +25,8 @@ class FlightGains:
     max_sink: float = 1.5
     max_acceleration: float = 4.0
     """Horizontal, of the velocity asked for, m/s^2."""
+    braking: float = 2.5
+    """Deceleration that a stopping point is computed with, m/s^2 (WPNAV_ACCEL)."""
     land_speed: float = 0.5
     land_speed_high: float = 1.5
     """Above ``land_slow_below_m`` over home."""
@@ -103,3 +105,16 @@ class VelocityLoop:
         """Cosine of the tilt, bounded: tilting loses lift."""
         _, x, y, _ = self._vehicle.attitude
         return max(0.5, 1 - 2 * (x * x + y * y))
+
+
+def stopping_point(vehicle: Multirotor, gains: FlightGains) -> Vector:
+    """Where ArduCopter's LAND goes: as far ahead as its position controller needs to stop, not back to here.
+
+    AC_PosControl's stopping point: linear up to the speed at which the deceleration is ``braking``.
+    """
+    v, (north, east, down) = vehicle.velocity, vehicle.position
+    speed, gain, braking = math.hypot(v[0], v[1]), gains.position, gains.braking
+    linear = braking / gain
+    slow = speed <= linear
+    away_s = 1 / gain if slow else (linear / (2 * gain) + speed * speed / (2 * braking)) / speed
+    return (north + v[0] * away_s, east + v[1] * away_s, down)

@@ -87,6 +87,7 @@ class SimulatedCamera:
     def expose(self, number: int, time_s: float, trajectory: Trajectory) -> NDArray[np.uint8]:
         """(height, width) uint8: frame ``number``, its middle row's mid-exposure at ``time_s``."""
         o = self.options
+        self.renderer.world.advance(time_s)
         if o.exposure_s > 0:
             offsets = ((np.arange(o.blur_samples) + 0.5) / o.blur_samples - 0.5) * o.exposure_s
             light = sum(self._instant(time_s + float(t), trajectory) for t in offsets) / np.float32(
@@ -105,6 +106,7 @@ class SimulatedCamera:
 
     def truth(self, number: int, time_s: float, trajectory: Trajectory) -> FrameTruth:
         """The truth of the frame at its middle."""
+        self.renderer.world.advance(time_s)
         pose = trajectory(time_s)
         return frame_truth(self.renderer, number, time_s, pose.position, pose.ned_from_body, pose.velocity)
 

@@ -1,5 +1,6 @@
 """What the simulated ground is made of: textured convex planar facets in world NED."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,22 @@ from drivers.errors import DriverError
 from drivers.simulated.world.textures import MATERIALS
 
 Array = NDArray[np.float64]
+
+
+UP = np.array([0.0, 0.0, -1.0])
+
+
+def axes(bearing_deg: float) -> tuple[Array, Array]:
+    """Unit vectors forward along a bearing and to its right, NED."""
+    angle = math.radians(bearing_deg)
+    return np.array([math.cos(angle), math.sin(angle), 0.0]), np.array(
+        [-math.sin(angle), math.cos(angle), 0.0]
+    )
+
+
+def point(north: float, east: float, height: float) -> Array:
+    """NED of a place at a height."""
+    return np.array([north, east, -height])
 
 
 @dataclass(frozen=True)
@@ -25,6 +42,8 @@ class Facet:
     v_axis: Array
     material: str
     texture_m: float
+    velocity: tuple[float, float] = (0.0, 0.0)
+    """North and east, m/s; the texture goes along."""
 
 
 def facet(

@@ -90,13 +90,15 @@ class Shader:
     def table(self, position: Array, ned_from_camera: Array, facets: NDArray[np.int32] | slice) -> Table:
         """The table of the facets (indices) as a camera at a pose sees them."""
         u_axis, v_axis, repeat = self._u_axis[facets], self._v_axis[facets], self._repeat[facets]
-        # Textures are anchored at NED's origin, so that neighbouring facets in one plane go on without a seam.
+        # Textures are anchored at NED's origin, so that neighbouring facets in one plane go on without a seam,
+        # and move along with what moves.
+        along = position - self.world.shift[facets]
         rays = np.concatenate(
             [
                 inverse_depth(self.world, position, ned_from_camera, facets).T,
                 repeat * (u_axis @ ned_from_camera).T,
                 repeat * (v_axis @ ned_from_camera).T,
-                [repeat * (u_axis @ position) % 1.0, repeat * (v_axis @ position) % 1.0],
+                [repeat * (axis * along).sum(axis=1) % 1.0 for axis in (u_axis, v_axis)],
             ]
         )
         return Table(rays.astype(np.float32), self._place[facets], self._gain[facets])

@@ -10,20 +10,8 @@ from itertools import pairwise
 import numpy as np
 
 from drivers.errors import DriverError
-from drivers.simulated.world.facets import Array, Facet, facet
-
-UP = np.array([0.0, 0.0, -1.0])
-
-
-def _axes(bearing_deg: float) -> tuple[Array, Array]:
-    """Unit vectors forward along a bearing and to its right, NED."""
-    angle = math.radians(bearing_deg)
-    cos, sin = math.cos(angle), math.sin(angle)
-    return np.array([cos, sin, 0.0]), np.array([-sin, cos, 0.0])
-
-
-def _point(north: float, east: float, height: float) -> Array:
-    return np.array([north, east, -height])
+from drivers.simulated.world.facets import UP, Array, Facet, axes, facet, point
+from drivers.simulated.world.pit import pit
 
 
 def strip(
@@ -41,8 +29,8 @@ def strip(
 
     ``profile`` runs along the bearing from (north, east); distances may stay equal (a vertical face).
     """
-    forward, right = _axes(bearing_deg)
-    start = _point(north, east, 0.0)
+    forward, right = axes(bearing_deg)
+    start = point(north, east, 0.0)
     facets = []
     for (s0, h0), (s1, h1) in pairwise(profile):
         if s1 < s0 or (s1 == s0 and h1 == h0):
@@ -157,9 +145,9 @@ def box(
     """A box from ``base`` to ``top`` (heights); its top may be tilted about its middle, rising along a bearing."""
     if min(length, width) <= 0 or top <= base:
         raise DriverError(f"a box needs a size and top over base, got {length} x {width}, {base} to {top}")
-    forward, right = _axes(yaw_deg)
-    uphill, _ = _axes(tilt_bearing_deg)
-    middle = _point(north, east, 0.0)
+    forward, right = axes(yaw_deg)
+    uphill, _ = axes(tilt_bearing_deg)
+    middle = point(north, east, 0.0)
     corners = [
         middle + 0.5 * (i * length * forward + j * width * right)
         for i, j in ((-1, -1), (1, -1), (1, 1), (-1, 1))
@@ -272,9 +260,9 @@ def roof(
         raise DriverError(
             f"a roof needs a pitch of 0 to 80 deg and eaves over its base, got {pitch_deg}, {eaves}"
         )
-    along, across = _axes(ridge_bearing_deg)
+    along, across = axes(ridge_bearing_deg)
     ridge = eaves + 0.5 * width * math.tan(math.radians(pitch_deg))
-    middle = _point(north, east, 0.0)
+    middle = point(north, east, 0.0)
 
     def at(i: float, j: float, height: float) -> Array:
         return middle + 0.5 * i * length * along + 0.5 * j * width * across + height * UP
@@ -342,6 +330,7 @@ SURFACES: dict[str, Callable[..., list[Facet]]] = {
     "stairs": stairs,
     "strip": strip,
     "box": box,
+    "pit": pit,
     "rubble": rubble,
     "step": step,
     "roof": roof,

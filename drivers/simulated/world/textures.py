@@ -140,6 +140,11 @@ def _roof(rng: Rng, size: int) -> Image:
     return _smooth(40 + (70 + 35 * y + shade[number]) * field + 8 * _noise(rng, size, 0.7, low=4), 0.7)
 
 
+def _dark(rng: Rng, size: int) -> Image:
+    """What lies in the shade of a pit."""
+    return 14 + 2 * _noise(rng, size, 1.0, low=4)
+
+
 MATERIALS: dict[str, Callable[[Rng, int], Image]] = {
     "noise": _noise_texture,
     "fine": _fine,
@@ -150,6 +155,7 @@ MATERIALS: dict[str, Callable[[Rng, int], Image]] = {
     "concrete": _concrete,
     "asphalt": _asphalt,
     "roof": _roof,
+    "dark": _dark,
 }
 """Name -> maker. "fine" holds fine structure only; "concrete" is of low contrast."""
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,11 +23,26 @@ class World:
         """(n, 4, 3) NED; a triangle repeats its last vertex."""
         self.normals = np.stack([f.normal for f in facets])
         self.offsets = np.einsum("ij,ij->i", self.normals, self.vertices[:, 0])
+        self._velocity = np.array([(*f.velocity, 0.0) for f in facets])
+        self.moving = bool(self._velocity.any())
+        self.shift = np.zeros((len(facets), 3))
+        """How far each facet has moved."""
         self._upper = np.flatnonzero(self.normals[:, 2] < -1e-9)
         corners = self.vertices[self._upper, :, :2]
         following = np.roll(corners, -1, axis=1)
         self._edges = following - corners
         self._starts = corners
+
+    def advance(self, time_s: float) -> None:
+        """Let what moves be where it is at a time; at zero everything is where it was built."""
+        if not self.moving:
+            return
+        shift = self._velocity * time_s
+        change = shift - self.shift
+        self.shift = shift
+        self.vertices = self.vertices + change[:, None]
+        self.offsets = self.offsets + np.einsum("ij,ij->i", self.normals, change)
+        self._starts = self._starts + change[self._upper, None, :2]
 
     def surface_at(self, north: float, east: float) -> tuple[float, Array]:
         """The highest surface under the sky at a place: (down in m, outward normal (3,)); (inf, up) where none."""
@@ -49,15 +65,24 @@ class World:
 
 
 def build_world(surfaces: list[Mapping[str, Any]]) -> World:
-    """A world from descriptions such as ``{"kind": "ramp", "inclination_deg": 20}``, all surfaces together."""
+    """A world from descriptions such as ``{"kind": "ramp", "inclination_deg": 20}``, all surfaces together.
+
+    Each may move: ``moves_m_s`` along the bearing ``moves_deg``.
+    """
     facets: list[Facet] = []
     for number, description in enumerate(surfaces, 1):
         arguments = dict(description)
         kind = arguments.pop("kind", None)
+        speed, bearing = (float(arguments.pop(key, 0.0)) for key in ("moves_m_s", "moves_deg"))
         if kind not in SURFACES:
             raise DriverError(f"surface {number}: kind must be one of {', '.join(SURFACES)}, got {kind!r}")
         try:
-            facets += SURFACES[kind](**arguments)
+            made = SURFACES[kind](**arguments)
         except TypeError as error:
             raise DriverError(f"surface {number} ({kind}): {error}") from error
+        if speed:
+            towards = math.radians(bearing)
+            velocity = (speed * math.cos(towards), speed * math.sin(towards))
+            made = [replace(f, velocity=velocity) for f in made]
+        facets += made
     return World(facets)

@@ -39,6 +39,13 @@ def check(out, picture, most_px: float) -> None:
     assert info.matrix[2] == pytest.approx(board_support.MATRIX[0, 2], abs=2.0)
     assert info.matrix[5] == pytest.approx(board_support.MATRIX[1, 2], abs=2.0)
     assert distance_px(out) < most_px
+    covariance = np.array(info.covariance).reshape(9, 9)
+    focal_std, centre_std = np.sqrt(np.diag(covariance)[:2]), np.sqrt(np.diag(covariance)[2:4])
+    found, true = np.array(info.matrix).reshape(3, 3), board_support.MATRIX
+    assert (np.abs(np.diag(found - true)[:2]) < 4 * focal_std).all()
+    assert (np.abs((found - true)[:2, 2]) < 4 * centre_std).all()
+    # not larger than what calibrate itself lets pass
+    assert (focal_std < 0.01 * true[0, 0]).all()
     shown = cv2.imread(str(picture))
     assert shown.shape[1] == 960
     assert len(np.unique(shown.reshape(-1, 3), axis=0)) > 20

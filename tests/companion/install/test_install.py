@@ -191,6 +191,7 @@ def test_in_a_chroot_units_are_enabled_and_nothing_is_asked_of_a_systemd_that_do
     assert "run systemd-sysusers /etc/sysusers.d/landslope.conf" in said
     assert not any("daemon-reload" in text or "udevadm" in text or "try-restart" in text for text in said)
     said = [step.text for step in uninstall_steps(InstallOptions(), purge=True)]
+    assert "run userdel landslope" in said
     assert "run systemctl disable landslope.service" in said
     assert not any("daemon-reload" in text for text in said)
 

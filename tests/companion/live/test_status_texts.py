@@ -1,8 +1,9 @@
 """STATUSTEXT: few, at most 50 characters by design, the reason first, longer ones in chunks."""
 
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import Any
 
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -13,6 +14,7 @@ from companion.live.status_texts import (
     AGAIN_US,
     PREFIX,
     SHORT_CONDITIONS,
+    SHORT_PROCEDURE,
     SHORT_REASONS,
     TEXT_LENGTH,
     StatusTexts,
@@ -20,6 +22,7 @@ from companion.live.status_texts import (
 from companion.messages.conditions import Code as ConditionCode
 from companion.messages.conditions import Condition, condition, state_of
 from companion.messages.messages import Decision, Event, Health
+from landing.decision.orders import State, Why
 from landing.decision.withheld import WORDS, Withheld
 from landing.reasons import Code
 
@@ -128,6 +131,22 @@ def test_a_command_and_a_permission_are_told() -> None:
         "the pilot took over, no landing",
         "no landing",
     ]
+
+
+def test_the_procedure_is_told_by_its_states_in_one_short_text_each() -> None:
+    for state, why in product(State, Why):
+        gave_back = state is State.GIVE_BACK
+        texts = StatusTexts()
+        changed = event(
+            "procedure_gave_back" if gave_back else "procedure_changed", "landing procedure and so on"
+        )
+        changed = msgspec.structs.replace(changed, details={"state": state.value, "code": why.value})
+        sent = texts.event(changed)
+        assert len(sent) == (1 if gave_back or state.value in SHORT_PROCEDURE else 0)
+        assert all(len(m.text) <= TEXT_LENGTH for m in sent)
+        assert texts.event(changed) == [], "not again at once"
+        if gave_back:
+            assert why.value.replace("_", " ") in str(sent[0].text)
 
 
 def test_everything_short_is_short_and_every_reason_has_one() -> None:

@@ -9,11 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from monitor_support import decision, estimate, event
 
-from companion.messages.messages import Decision, Estimate, encode
+from companion.messages.messages import Decision, Estimate, ProcedureState, encode
 from companion.messages.preview import Preview
 from companion.messages.tilt import tilt_of
 from companion.monitor import words
 from companion.monitor.charts import CHARTS, chart_svg
+from companion.monitor.ground_view import ground_svg, way_on
 from companion.monitor.options import MonitorOptions
 from companion.monitor.page import view_of
 from companion.monitor.scene import scene_svg
@@ -116,9 +117,15 @@ EXTREMES = {
 }
 
 
-def anything(kind: type[Estimate] | type[Decision]) -> st.SearchStrategy[Estimate | Decision]:
+EXTREMES[tuple[float, float, float] | None] = st.none()
+
+
+def anything(kind: type) -> st.SearchStrategy[object]:
     fields = {f.name: EXTREMES[f.type.__origin__] for f in msgspec.structs.fields(kind)}
     return st.fixed_dictionaries(fields).map(lambda given: kind(**given))
+
+
+EXTREMES[ProcedureState | msgspec.UnsetType] = st.just(msgspec.UNSET) | anything(ProcedureState)
 
 
 @given(anything(Estimate), anything(Decision))
@@ -132,12 +139,15 @@ def test_whatever_is_stored_can_be_shown(one: Estimate, other: Decision) -> None
         *words.figures(vehicle.estimate).values(),
         words.permission(vehicle.decision),
         words.command(vehicle.decision),
+        words.procedure(vehicle.decision),
         *words.against(vehicle.decision, vehicle.estimate),
         words.verdict(vehicle.decision),
     ]
     assert max(len(words.clipped(text)) for text in texts) <= 401
     svg = scene_svg(vehicle.estimate, "fit")
     assert "nan" not in svg
+    ground = {"north_m": 1.0, "east_m": 2.0}
+    assert "nan" not in ground_svg(ground, None, words.steered(vehicle.decision), [(0.0, 0.0), (1.0, 2.0)])
     for chart in CHARTS:
         drawn = chart_svg(chart, list(vehicle.points), 1.0, 60.0, 10.0)
         assert "nan" not in drawn
@@ -268,3 +278,24 @@ def test_tracks_draw_only_what_can_be_drawn(rows: list[tuple[float, float, float
     assert "nan" not in svg
     assert "inf" not in svg
     assert counts(preview) == f"frame 1: {len(rows)} inliers, 0 outliers"
+
+
+def test_the_way_and_the_chosen_place_are_drawn_from_above() -> None:
+    path: list[tuple[float, float]] = []
+    for north in (0.0, 0.5, 1.0):
+        path = way_on(path, {"north_m": north, "east_m": 0.0})
+    chosen = ProcedureState(
+        kind="offboard",
+        state="go",
+        code="on_the_way",
+        text="",
+        order="velocity",
+        spot_north_m=2.0,
+        spot_east_m=-1.0,
+    )
+    svg = ground_svg({"north_m": 1.0, "east_m": 0.0}, None, chosen, path)
+    assert 'points="200.0,225.0 200.0,212.5 200.0,200.0"' in svg, "south of where it is now"
+    assert 'class="chosen" cx="175.0" cy="150.0"' in svg
+    assert way_on(path, {"north_m": 40.0, "east_m": 0.0}) == [(40.0, 0.0)], "the map began anew"
+    assert way_on(path, {"north_m": None}) == path
+    assert "chosen" not in ground_svg({"north_m": 1.0, "east_m": 0.0}, None)

@@ -47,7 +47,7 @@ def test_two_workers_fly_what_one_process_flies(tmp_path: Path) -> None:
 def test_a_flight_that_broke_the_software_is_a_row_with_its_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def broken(seed: int, *_: object) -> Run:
+    def broken(seed: int, **_: object) -> Run:
         if seed == 2:
             raise ZeroDivisionError("at frame 7")
         return run_of(seed)

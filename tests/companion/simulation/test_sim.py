@@ -17,7 +17,7 @@ from companion.simulation import simulation
 from companion.simulation.flight_result import FlightResult, in_words
 from companion.simulation.ground import patch, unsafe
 from companion.simulation.lockstep import LockstepOptions, fly
-from companion.simulation.monte_carlo import Report, Run, Share, fly_many, fly_one, wilson, worst
+from companion.simulation.monte_carlo import Report, Run, fly_many, fly_one, worst
 from companion.simulation.picture import draw
 from companion.simulation.random_scenario import random_scenario
 from companion.simulation.scenario import (
@@ -28,6 +28,7 @@ from companion.simulation.scenario import (
     read_scenario,
     to_toml,
 )
+from companion.simulation.shares import Share, wilson
 from companion.simulation.simulation import LiveOptions, fly_live
 from drivers.files.flight_folder import FlightFolder
 from drivers.samples import Frame

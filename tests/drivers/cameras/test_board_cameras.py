@@ -2,7 +2,7 @@
 
 import sys
 import time
-import types
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -12,7 +12,7 @@ from camera_support import textured
 from companion.doctor.camera import CameraExamination
 from companion.doctor.findings import DoctorOptions
 from companion.settings.settings import CameraSettings, Settings
-from drivers.cameras import CameraFormat
+from drivers.cameras import CameraFormat, picamera
 from drivers.cameras.picamera import PicameraGrabber
 from drivers.cameras.v4l2 import V4l2Grabber
 from drivers.errors import DriverError
@@ -95,60 +95,103 @@ def test_v4l2_size_that_the_device_does_not_have_is_refused(monkeypatch, tmp_pat
         grabber.open()
 
 
-class FakePicamera2:
-    """picamera2's way with a sensor: a configuration, then completed requests of padded YUV 4:2:0."""
+PICAMERA2 = """
+import sys, time
+import numpy as np
 
-    def __init__(self, number: int) -> None:
+print("libcamera speaks on standard output, as it does")
+
+class Picamera2:
+    def __init__(self, number):
         if number > 0:
             raise IndexError("list index out of range")
-        self.running = False
-
     def create_video_configuration(self, **configuration):
         return configuration
-
-    def configure(self, configuration) -> None:
-        self.configuration = configuration
-
-    def start(self) -> None:
-        self.running = True
-
+    def configure(self, configuration):
+        c = configuration["controls"]
+        assert configuration["main"]["format"] == "YUV420"
+        self.told = (c["FrameDurationLimits"][0], c.get("ExposureTime", 0), c.get("AnalogueGain", -1))
+        self.width, self.height = configuration["main"]["size"]
+    def start(self):
+        self.frames = 0
     def capture_request(self):
+        time.sleep(0.02)
+        self.frames += 1
+        if self.frames > 30:
+            raise RuntimeError("the camera is gone")
         self.stamp_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME) - 12_000_000
         return self
-
-    def make_array(self, name: str):
-        return np.full((180, 192), 60, np.uint8)
-
+    def make_array(self, name):
+        picture = np.full((self.height * 3 // 2, self.width + 32), 60, np.uint8)
+        picture[0, :3] = [max(0, n) // m for n, m in zip(self.told, (1000, 100, 1))]
+        picture[:, self.width:] = 255
+        return picture
     def get_metadata(self):
         return {"SensorTimestamp": self.stamp_ns}
+    def release(self):
+        pass
+"""
+"""picamera2's way with a sensor: a configuration, then completed requests of padded YUV 4:2:0."""
 
-    def release(self) -> None:
-        return
 
-    def stop(self) -> None:
-        self.running = False
-
-    def close(self) -> None:
-        return
+def system_python(directory: Path, monkeypatch, files: dict[str, str]) -> None:
+    """A system whose python3 finds a picamera2 of these files, laid out as Debian does, and ours does not."""
+    packages = directory / "lib" / "python3" / "dist-packages"
+    (packages / "picamera2").mkdir(parents=True)
+    for name, text in files.items():
+        (packages / "picamera2" / name).write_text(text)
+    code = (
+        "import runpy, sys; del sys.argv[0]; assert sys.argv.pop(0) == '-I'; "
+        f"sys.path.insert(0, {str(packages)!r}); runpy.run_path(sys.argv[0], run_name='__main__')"
+    )
+    python = directory / "python3"
+    python.write_text(f'#!/bin/sh\nexec "{sys.executable}" -c "{code}" "$@"\n')
+    python.chmod(0o755)
+    monkeypatch.setattr(picamera, "SYSTEM_PYTHON", python)
 
 
 @pytest.fixture
-def picamera2(monkeypatch):
-    module = types.SimpleNamespace(Picamera2=FakePicamera2)
-    monkeypatch.setitem(sys.modules, "picamera2", module)
+def picamera2(tmp_path, monkeypatch):
+    files = {"__init__.py": "from .picamera2 import Picamera2\n", "picamera2.py": PICAMERA2}
+    system_python(tmp_path, monkeypatch, files)
 
 
 def test_picamera_is_fixed_and_stamped_by_the_sensor(picamera2):
     grabber = PicameraGrabber(0, CameraFormat(160, 120, 50, exposure_us=3000, gain=2.0))
     grabber.open()
-    grab = grabber.grab()
-    assert grab.image.shape == (120, 160)
-    assert now_us() - grab.captured_us == pytest.approx(12_000, abs=5_000)
-    controls = grabber._camera.configuration["controls"]
-    assert controls["FrameDurationLimits"] == (20_000, 20_000)
-    assert (controls["AeEnable"], controls["ExposureTime"], controls["AnalogueGain"]) == (False, 3000, 2.0)
+    process = grabber._process
+    grabs = [grabber.grab() for _ in range(4)]
+    assert all(g.image.shape == (120, 160) for g in grabs)
+    assert grabs[0].image[0, :3].tolist() == [20, 30, 2], "20 ms a frame, 3 ms of exposure, gain 2"
+    assert (grabs[3].image[1:] == 60).all(), "the padding is cut off"
+    times = [g.captured_us for g in grabs]
+    assert times == sorted(set(times))
+    assert 0 < now_us() - times[3] < 5_000_000
     grabber.close()
-    assert not grabber._camera.running
+    assert process.returncode is not None
+
+
+def grab_many(grabber: PicameraGrabber) -> None:
+    for _ in range(100):
+        grabber.grab()
+
+
+def test_picamera_that_goes_away_is_an_error_and_can_be_opened_again(picamera2):
+    grabber = PicameraGrabber(0, CameraFormat(160, 120, 50))
+    for _ in range(2):
+        grabber.open()
+        with pytest.raises(DriverError, match="the camera is gone"):
+            grab_many(grabber)
+        grabber.close()
+
+
+def test_a_process_that_dies_is_an_error(picamera2):
+    grabber = PicameraGrabber(0, CameraFormat(160, 120, 50))
+    grabber.open()
+    grabber._process.kill()
+    with pytest.raises(DriverError, match="its process ended"):
+        grab_many(grabber)
+    grabber.close()
 
 
 def test_picamera_that_is_not_there(picamera2):
@@ -156,8 +199,11 @@ def test_picamera_that_is_not_there(picamera2):
         PicameraGrabber(1, CameraFormat()).open()
 
 
-def test_picamera_without_the_library_says_what_to_install():
+def test_picamera_without_the_library_or_the_systems_python_says_what_to_install(tmp_path, monkeypatch):
     with pytest.raises(DriverError, match="python3-picamera2"):
+        PicameraGrabber(0, CameraFormat()).open()
+    monkeypatch.setattr(picamera, "SYSTEM_PYTHON", tmp_path / "python3")
+    with pytest.raises(DriverError, match="apt install python3"):
         PicameraGrabber(0, CameraFormat()).open()
 
 
@@ -179,11 +225,9 @@ STAND_INS = {
 @pytest.mark.parametrize("fault", STAND_INS)
 def test_picamera2_that_cannot_be_imported_says_why_in_one_sentence(tmp_path, monkeypatch, fault):
     statement, named = STAND_INS[fault]
-    package = tmp_path / "picamera2"
-    package.mkdir()
-    (package / "__init__.py").write_text("from .picamera2 import Picamera2\n")
-    (package / "picamera2.py").write_text(f"{statement}\n\nclass Picamera2: pass\n")
-    monkeypatch.syspath_prepend(str(tmp_path))
+    text = f"{statement}\n\nclass Picamera2: pass\n"
+    files = {"__init__.py": "from .picamera2 import Picamera2\n", "picamera2.py": text}
+    system_python(tmp_path, monkeypatch, files)
     with pytest.raises(DriverError, match=named) as refusal:
         PicameraGrabber(0, CameraFormat()).open()
     assert "\n" not in str(refusal.value)
@@ -192,10 +236,7 @@ def test_picamera2_that_cannot_be_imported_says_why_in_one_sentence(tmp_path, mo
 
 
 def test_doctor_names_the_package_and_not_the_cable(tmp_path, monkeypatch):
-    package = tmp_path / "picamera2"
-    package.mkdir()
-    (package / "__init__.py").write_text(STAND_INS["numpy.dtype size changed"][0] + "\n")
-    monkeypatch.syspath_prepend(str(tmp_path))
+    system_python(tmp_path, monkeypatch, {"__init__.py": STAND_INS["numpy.dtype size changed"][0] + "\n"})
     settings = Settings(camera=CameraSettings(source="picamera"))
     examination = CameraExamination(settings, DoctorOptions())
     until = time.monotonic() + 10

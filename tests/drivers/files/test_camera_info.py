@@ -1,5 +1,9 @@
 """camera_info files: read as ROS and the calibration write them, refused with the field's name."""
 
+import math
+from dataclasses import replace
+
+import numpy as np
 import pytest
 import yaml
 from flight_copy import FLIGHTS
@@ -74,3 +78,17 @@ def test_missing_files_are_named(tmp_path):
         read_camera_info(tmp_path / "no.yaml")
     with pytest.raises(DriverError, match="cannot be written"):
         write_camera_info(tmp_path / "no" / "c.yaml", CameraInfo(1, 1, (1,) * 9, (0,) * 5))
+
+
+def test_the_intrinsics_covariance_is_kept_and_a_wrong_one_refused(tmp_path):
+    covariance = tuple(float(x) for x in np.diag(np.arange(1.0, 10.0)).ravel())
+    info = CameraInfo(
+        320, 240, (256.0, 0, 160, 0, 256, 120, 0, 0, 1), (-0.1, 0.0, 0.0, 0.0, 0.0), covariance=covariance
+    )
+    path = tmp_path / "camera.yaml"
+    write_camera_info(path, info)
+    assert read_camera_info(path).covariance == covariance
+    for wrong in (covariance[:-1], (-1.0, *covariance[1:]), (math.nan, *covariance[1:])):
+        write_camera_info(path, replace(info, covariance=wrong))
+        with pytest.raises(DriverError, match="intrinsics_covariance"):
+            read_camera_info(path)

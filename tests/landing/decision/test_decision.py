@@ -1,7 +1,7 @@
 """The verdict: limits with their uncertainty, hysteresis, dwell, patience, reasons in words."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import pytest
 from hypothesis import given, settings
@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from landing.decision.decision import Decider, against_flat, against_landing
 from landing.estimate import SurfaceEstimate
+from landing.ground.landing_area import AreaSeen
 from landing.options import DecisionOptions
 from landing.reasons import Code, in_words
 
@@ -177,6 +178,40 @@ def test_from_far_up_what_is_flat_is_not_fit_until_its_relief_can_be_told():
     assert (reason.height_m, reason.limit) == (20.0, 0.05)
     assert "fit" not in run(Decider(options), [far] * 20)
     assert run(Decider(options), [far] * 5 + [near] * 10)[-1] == "fit"
+
+
+@dataclass
+class Area:
+    """A landing area of which always the same is seen."""
+
+    seen: AreaSeen
+
+    def look(self, estimate: SurfaceEstimate) -> AreaSeen:
+        return self.seen
+
+
+@pytest.mark.parametrize(
+    ("seen", "code"),
+    [
+        (AreaSeen(0.9, 0.2), None),
+        (AreaSeen(0.9, math.nan), None),
+        (AreaSeen(0.9, 0.5), Code.GROUND_UNRESOLVED),
+        (AreaSeen(0.5, 0.2), Code.GROUND_NOT_SEEN),
+        (AreaSeen(math.nan, 0.2), Code.GROUND_NOT_SEEN),
+    ],
+)
+def test_the_ground_to_land_on_must_be_seen_finely_enough(seen: AreaSeen, code: Code | None):
+    options = replace(OPTIONS, max_patch_m=0.4, min_area_measured=0.8)
+    found = against_landing(FLAT, options, 0.0, Area(seen))
+    assert [reason.code for reason in found] == ([] if code is None else [code])
+
+
+def test_a_frame_without_an_estimate_neither_makes_fit_nor_restarts_the_dwell_time():
+    assert run(Decider(OPTIONS), [FLAT] * 4 + [UNKNOWN] + [FLAT] * 2) == ["unknown"] * 5 + ["fit"] * 2
+
+
+def test_the_first_verdict_has_a_beginning():
+    assert Decider(OPTIONS).step(replace(FLAT, time_s=3.0)).since_s == 3.0
 
 
 def test_after_a_silence_the_dwell_time_begins_anew():

@@ -1,12 +1,16 @@
-"""Every rule of the permission and of the command's state, removed once, is missed by some test of theirs."""
+"""Every rule of the decision, of the permission and of the command, removed once, is missed by some test."""
 
 import importlib.util
+import sys
+from collections.abc import Callable
+from functools import partial
 from types import ModuleType
 
 import mutation
 from places import REPOSITORY
 
 import companion.core.command as command
+import landing.decision.decision as decision
 import landing.decision.permission as permission
 
 
@@ -16,6 +20,7 @@ def table_of(path: str) -> ModuleType:
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
     spec.loader.exec_module(module)
     return module
 
@@ -45,6 +50,29 @@ def test_every_rule_of_the_permission_is_needed() -> None:
         return True
 
     assert mutation.survivors(permission, passes) == []
+
+
+def cases(module: ModuleType) -> list[Callable[[], None]]:
+    """The tests of a module with all their parameters, but for those of random input."""
+    found: list[Callable[[], None]] = []
+    for name, test in vars(module).items():
+        if not name.startswith("test_") or hasattr(test, "hypothesis"):
+            continue
+        marks = [mark for mark in getattr(test, "pytestmark", ()) if mark.name == "parametrize"]
+        found += [partial(test, *values) for values in marks[0].args[1]] if marks else [test]
+    return found
+
+
+def test_every_rule_of_the_decision_is_needed() -> None:
+    tests = cases(table_of("landing/decision/test_decision"))
+    tests += cases(table_of("landing/decision/test_touchdown"))
+
+    def passes() -> bool:
+        for test in tests:
+            test()
+        return True
+
+    assert mutation.survivors(decision, passes) == []
 
 
 def test_every_rule_of_the_command_is_needed() -> None:

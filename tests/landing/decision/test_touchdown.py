@@ -71,6 +71,8 @@ def test_a_flat_view_is_fit_only_where_the_map_agrees():
     assert verdict_over(Map(below=UNSEEN)) == "unknown"
     assert verdict_over(Map(below=STEP)) == "unfit"
     assert verdict_over(Map(touchdown=STEP)) == "unfit"
+    steep = replace(FLAT, inclination_deg=20.0)
+    assert Decider(DecisionOptions(), None, Map()).step(steep).verdict == "unfit"
 
 
 def test_a_hazard_ends_a_verdict_at_once_and_the_unknown_after_the_patience():

@@ -185,3 +185,17 @@ def test_a_single_stray_is_taken_in_and_another_surface_is_not(sigmas: float, us
     assert fused is not None
     if sigmas:
         assert fused[0] == pytest.approx(sigmas * STD, abs=1e-9)
+
+
+def test_an_error_of_the_lens_is_in_the_result_however_many_estimates_say_the_same() -> None:
+    """Fusing takes the noise out, not the error that all share."""
+    lens = np.array(((0.01, 0.0), (0.0, 0.02)))
+    evidence, plain = Evidence(OPTIONS), Evidence(OPTIONS)
+    for k in range(30):
+        evidence.add(k, k / RATE_HZ, DOWN, 0.1, 0.1, COVARIANCE, 1, None, lens)
+        plain.add(k, k / RATE_HZ, DOWN, 0.1, 0.1, COVARIANCE, 1)
+    with_lens, without = evidence.fuse(29 / RATE_HZ, DOWN), plain.fuse(29 / RATE_HZ, DOWN)
+    assert with_lens is not None
+    assert without is not None
+    assert with_lens[:2] == pytest.approx(without[:2])
+    assert with_lens[2] - without[2] == pytest.approx(np.diag((1e-4, 4e-4)), rel=0.05, abs=1e-6)

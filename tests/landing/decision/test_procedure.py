@@ -1,0 +1,295 @@
+"""The landing procedure state by state: what leads into each, out of it, and how long it may take."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from landing.decision.guidance import ACCELERATION, Descent, Shaper, Spiral, towards
+from landing.decision.orders import WORDS, Inputs, OrderKind, State, Why
+from landing.decision.procedure import Procedure
+from landing.decision.procedure_options import LIMIT_S, LOOK_LEAST_S, TRIES, UNKNOWN_S, ProcedureOptions
+from landing.decision.targeting import Targeting
+from landing.decision.withheld import Withheld
+from landing.ground.spots import HAZARD, LANDABLE, UNKNOWN, Disc, Spot
+
+DT = 0.05
+GOOD, BAD, DARK = (Disc(verdict, (), 1.0, 0.3, 0.01, 1.0) for verdict in (LANDABLE, HAZARD, UNKNOWN))
+HERE = Spot(0.0, 0.0, 0.5, 1.0, 0.01, 0.8)
+OPTIONS = ProcedureOptions(takeover_modes=frozenset({"GUIDED"}))
+
+
+class Flight:
+    """A vehicle that follows at once, over ground whose one landable disc is at ``spot`` (north, east)."""
+
+    def __init__(self, spot=(2.0, 1.0), options=OPTIONS):
+        self.machine = Procedure(options)
+        self.time_s, self.place, self.velocity = 0.0, [0.0, 0.0, -4.0], (0.0, 0.0, 0.0)
+        self.spot = spot
+        self.now = {"objections": (), "mode": "GUIDED", "quiet": False, "below": GOOD, "at_spot": GOOD}
+
+    def step(self, **changes):
+        self.time_s += DT
+        height = -self.place[2]
+        found = None
+        if self.spot is not None:
+            found = (
+                replace(HERE, north_m=self.spot[0] - self.place[0], east_m=self.spot[1] - self.place[1]),
+            )
+        known = {
+            "time_s": self.time_s, "place_ned": tuple(self.place), "local_ned": tuple(self.place),
+            "velocity_ned": self.velocity, "yaw": 0.0, "height_m": height,
+            "approach": self.velocity[2] / height, "spots": found or (),
+        }  # fmt: skip
+        step = self.machine.step(Inputs(**{**known, **self.now, **changes}))
+        if step.order.kind is OrderKind.START:
+            self.now["objections"] = (Withheld.ALREADY_REQUESTED,)
+        if step.order.kind is OrderKind.VELOCITY:
+            self.velocity = step.order.velocity_ned
+            for axis in range(3):
+                self.place[axis] += self.velocity[axis] * DT
+        return step
+
+    def until(self, state, limit_s=60.0, **changes):
+        end_s = self.time_s + limit_s
+        while self.time_s < end_s:
+            step = self.step(**changes)
+            if step.state is state:
+                return step
+        raise AssertionError(f"no {state}: {self.machine.state} {self.machine.why}")
+
+
+def test_it_goes_to_the_place_and_hands_over_low_slow_and_over_it():
+    flight = Flight()
+    seen = []
+    while flight.machine.state is not State.HAND_OVER:
+        state = flight.step().state
+        if not seen or seen[-1] is not state:
+            seen.append(state)
+        assert flight.time_s < 60
+    assert seen == [
+        State.START, State.LOOK, State.CHOOSE, State.GO, State.DESCEND, State.HAND_OVER,
+    ]  # fmt: skip
+    assert math.dist(flight.place[:2], flight.spot) < 0.2
+    assert -flight.place[2] <= 1.05 * OPTIONS.hand_over_m
+    assert math.hypot(*flight.velocity[:2]) <= 0.25
+    assert flight.step().order.kind is OrderKind.NONE
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"objections": (Withheld.SWITCH_OFF,)}, Why.NO_PERMISSION),
+        ({"mode": "LOITER"}, Why.MODE_NOT_NAMED),
+        ({"velocity_ned": None}, Why.NO_VELOCITY),
+        ({"velocity_ned": (math.nan, 0.0, 0.0)}, Why.NO_VELOCITY),
+        ({"place_ned": (math.nan, 0.0, 0.0)}, Why.NO_VELOCITY),
+    ],
+)
+def test_without_permission_mode_or_velocity_nothing_leaves(changes, why):
+    step = Flight().step(**changes)
+    assert (step.state, step.why, step.order.kind) == (State.IDLE, why, OrderKind.NONE)
+
+
+@pytest.mark.parametrize("state", [State.LOOK, State.GO, State.DESCEND])
+@pytest.mark.parametrize(
+    ("changes", "why", "order"),
+    [
+        ({"objections": (Withheld.SWITCH_OFF,)}, Why.PERMISSION_ENDED, OrderKind.STOP),
+        ({"objections": (Withheld.STALE_INPUTS,)}, Why.PERMISSION_ENDED, OrderKind.STOP),
+        ({"objections": (Withheld.FAILSAFE,), "quiet": True}, Why.PERMISSION_ENDED, OrderKind.NONE),
+        ({"mode": "LOITER"}, Why.MODE_LEFT, OrderKind.NONE),
+        ({"mode": None}, Why.MODE_LEFT, OrderKind.NONE),
+        ({"contradictions": ("velocity_contradicts",)}, Why.CONTRADICTED, OrderKind.STOP),
+        ({"local_ned": None}, Why.PERMISSION_ENDED, OrderKind.STOP),
+        ({"local_ned": (30.0, 0.0, -4.0)}, Why.FENCE_DISTANCE, OrderKind.STOP),
+        ({"place_ned": (math.nan, 0.0, -4.0)}, Why.FENCE_DISTANCE, OrderKind.STOP),
+        ({"place_ned": (0.0, 0.0, -9.0)}, Why.FENCE_HEIGHT, OrderKind.STOP),
+    ],
+)
+def test_what_ends_it_ends_it_at_once_and_for_good(state, changes, why, order):
+    flight = Flight()
+    flight.until(state)
+    step = flight.step(**changes)
+    assert (step.state, step.why, step.order.kind) == (State.GIVE_BACK, why, order)
+    for _ in range(40):
+        assert flight.step().order.kind is OrderKind.NONE
+
+
+def test_between_frames_a_takeover_and_a_silent_camera_end_it():
+    flight = Flight()
+    flight.until(State.GO)
+    assert flight.machine.watch(flight.time_s + 0.1, flight.now["objections"], "GUIDED", False) is None
+    step = flight.machine.watch(flight.time_s + 0.1, flight.now["objections"], "LOITER", False)
+    assert (step.why, step.order.kind) == (Why.MODE_LEFT, OrderKind.NONE)
+    flight = Flight()
+    flight.until(State.GO)
+    step = flight.machine.watch(flight.time_s + 0.6, flight.now["objections"], "GUIDED", False)
+    assert (step.why, step.order.kind) == (Why.NO_FRAMES, OrderKind.STOP)
+
+
+def test_a_renewed_permission_begins_anew():
+    flight = Flight()
+    flight.until(State.GO)
+    flight.step(mode="LOITER")
+    assert flight.step().state is State.GIVE_BACK
+    flight.now["objections"] = ()
+    assert flight.step().order.kind is OrderKind.START
+
+
+def test_a_mode_that_does_not_follow_gives_back():
+    flight = Flight(options=replace(OPTIONS, takeover_modes=frozenset({"HOLD"})))
+    flight.now["mode"] = "HOLD"
+    step = flight.until(State.GIVE_BACK, 5.0)
+    assert (step.why, step.order.kind) == (Why.NOT_TAKEN, OrderKind.NONE)
+    assert flight.time_s == pytest.approx(LIMIT_S[State.START], abs=0.2)
+
+
+def test_it_looks_sideways_within_its_radius_until_the_ground_is_known():
+    flight = Flight(spot=None)
+    flight.now["below"] = DARK
+    farthest = 0.0
+    flight.until(State.LOOK)
+    for _ in range(int(10 / DT)):
+        flight.step()
+        farthest = max(farthest, abs(flight.place[1]))
+        assert abs(flight.place[0]) < 0.1
+    assert 1.5 < farthest < 3.0
+    assert flight.until(State.GIVE_BACK, 10).why is Why.LOOKED_IN_VAIN
+    seen = Flight()
+    seen.until(State.CHOOSE)
+    assert seen.time_s > LOOK_LEAST_S
+
+
+def test_too_low_to_see_a_disc_it_climbs():
+    flight = Flight(spot=None)
+    flight.place[2] = -0.8
+    flight.now["below"] = DARK
+    flight.until(State.LOOK)
+    for _ in range(int(4 / DT)):
+        step = flight.step()
+    assert -flight.place[2] >= 1.2 * OPTIONS.hand_over_m - 0.05
+    assert step.why is Why.GROUND_UNKNOWN
+
+
+def test_it_searches_along_a_spiral_and_gives_back():
+    flight = Flight(spot=None, options=replace(OPTIONS, max_search_m=4.0))
+    flight.until(State.SEARCH)
+    farthest = 0.0
+    while flight.machine.state is State.SEARCH:
+        step = flight.step()
+        farthest = max(farthest, math.hypot(*flight.place[:2]))
+    assert (step.state, step.why) == (State.GIVE_BACK, Why.SEARCHED_IN_VAIN)
+    assert 3.5 < farthest < 4.6
+
+
+@pytest.mark.parametrize(
+    ("disc", "why", "after_s"), [(BAD, Why.SPOT_HAZARD, 0.0), (DARK, Why.SPOT_UNKNOWN, UNKNOWN_S)]
+)
+def test_a_place_that_turns_out_unfit_is_left_upwards_and_not_chosen_again(disc, why, after_s):
+    flight = Flight()
+    flight.until(State.DESCEND)
+    for _ in range(int(2 / DT)):
+        flight.step()
+    low, began_s = -flight.place[2], flight.time_s
+    step = flight.until(State.HOLD, 5.0, at_spot=disc)
+    assert step.why is why
+    assert flight.time_s - began_s == pytest.approx(after_s, abs=0.25)
+    flight.until(State.LOOK)
+    assert -flight.place[2] > low
+    flight.until(State.SEARCH)
+    flight.spot = (-1.0, -1.0)
+    flight.until(State.HAND_OVER)
+    assert math.dist(flight.place[:2], flight.spot) < 0.2
+
+
+def test_after_some_tries_it_gives_back():
+    flight = Flight()
+    for number in range(TRIES + 1):
+        flight.spot = (1.5 * number - 3.0, 0.0)
+        flight.until(State.GO)
+        step = flight.step(at_spot=BAD)
+    assert (step.state, step.why) == (State.GIVE_BACK, Why.TOO_MANY_TRIES)
+
+
+def test_the_fence_of_time():
+    flight = Flight(spot=None, options=replace(OPTIONS, max_time_s=10.0))
+    assert flight.until(State.GIVE_BACK).why is Why.FENCE_TIME
+    assert flight.time_s == pytest.approx(10.0, abs=0.3)
+
+
+def test_a_little_better_place_is_not_followed_a_clearly_better_one_is():
+    flight = Flight(spot=(3.0, 0.0))
+    flight.until(State.GO)
+    place = flight.machine.spot_ned
+    kept = Spot(3.0 - flight.place[0], -flight.place[1], 0.5, 1.0, 0.01, 0.5)
+    near = replace(kept, east_m=kept.east_m + 1.0)
+    flight.step(spots=(replace(near, clearance_m=0.7), kept))
+    assert math.dist(flight.machine.spot_ned[:2], place[:2]) < 0.4
+    step = flight.step(spots=(replace(near, clearance_m=1.6), kept))
+    assert step.spot_ned[1] == pytest.approx(1.0, abs=0.1)
+    assert step.why is Why.BETTER_SPOT
+
+
+def test_the_descent_keeps_its_divergence_at_every_height_and_corrects_a_wrong_one():
+    for believed in (0.7, 1.0, 1.4):
+        descent, height, velocity, told = Descent(0.25), 8.0, 0.0, []
+        descent.begin(0.0)
+        for k in range(int(9 / DT)):
+            asked = descent.sink(k * DT, believed * height, velocity / height, 1.0)
+            velocity += (asked - velocity) * DT / 0.3
+            height -= velocity * DT
+            if k * DT > 4.0:
+                told.append(velocity / height)
+        assert max(abs(d - 0.25) for d in told) < 0.05, believed
+    assert Descent(0.25).sink(0.0, math.nan, 0.1, 1.0) == 0.0
+
+
+def test_speeds_change_within_the_acceleration_and_nan_is_no_speed():
+    shaper = Shaper()
+    shaper.begin(0.0, (0.0, 0.0, 0.0))
+    before = (0.0, 0.0, 0.0)
+    for k in range(1, 60):
+        now = shaper.step(k * DT, (9.0, -9.0, 9.0) if k < 30 else (math.nan, 0.0, 0.0), 1.0)
+        assert math.dist(now[:2], before[:2]) <= ACCELERATION * DT + 1e-9
+        assert math.hypot(*now[:2]) <= 1.0 + 1e-9
+        before = now
+    assert math.hypot(*before) == pytest.approx(0.0, abs=1e-6)
+    assert towards((0.0, 0.0, 0.0), (0.0, 0.0, 5.0), 1.0) == (0.0, 0.0)
+
+
+def test_the_spiral_covers_its_circle_at_constant_speed():
+    spiral, before, way = Spiral((0.0, 0.0, 0.0), 2.0, 0.0), None, []
+    for k in range(1, 2000):
+        spiral.go_on(k * 0.02, 1.0)
+        point = spiral.point
+        if before is not None:
+            way.append(math.dist(before[:2], point[:2]))
+        before = point
+    assert min(way) > 0.018
+    assert max(way) < 0.022
+
+
+def test_a_landing_autopilot_is_told_where_to_while_it_lands_and_nothing_else():
+    machine = Targeting(ProcedureOptions())
+    known = {
+        "objections": (Withheld.ALREADY_REQUESTED, Withheld.LANDING_ALREADY), "mode": "LAND", "quiet": False,
+        "place_ned": (1.0, 2.0, -5.0), "height_m": 5.0, "at_spot": GOOD,
+    }  # fmt: skip
+    spots = (replace(HERE, north_m=1.0, east_m=-0.5),)
+    assert machine.step(Inputs(time_s=0.0, spots=spots, **known)).order.kind is OrderKind.NONE
+    step = machine.step(Inputs(time_s=0.1, spots=spots, landing=True, **known))
+    assert step.order.kind is OrderKind.TARGET
+    assert step.order.target_ned == pytest.approx((1.0, -0.5, 5.0))
+    moved = {**known, "place_ned": (1.5, 2.0, -4.0), "height_m": 4.0}
+    step = machine.step(Inputs(time_s=0.2, landing=True, **moved))
+    assert step.order.target_ned == pytest.approx((0.5, -0.5, 4.0))
+    for spoilt in ({"quiet": True}, {"contradictions": ("rotation_contradicts",)}, {"height_m": math.nan},
+                   {"objections": (Withheld.STALE_INPUTS,)}):  # fmt: skip
+        assert (
+            machine.step(Inputs(time_s=0.3, landing=True, **{**known, **spoilt})).order.kind is OrderKind.NONE
+        )
+
+
+def test_every_code_has_words():
+    assert set(WORDS) == set(Why)
