@@ -28,6 +28,9 @@ class Controls(Protocol):
     def listen(self) -> None:
         """Take in what the autopilot says; to be called some twenty times a second."""
 
+    def get_ready(self) -> bool:
+        """Whether the autopilot may be armed; to be repeated until it may."""
+
     def get_airborne(self, height_m: float) -> None:
         """Ask for mode, arming and takeoff; to be repeated until the vehicle flies."""
 
@@ -50,6 +53,9 @@ class LocalControls:
 
     def listen(self) -> None:
         """There is nothing to hear."""
+
+    def get_ready(self) -> bool:
+        return True
 
     def get_airborne(self, height_m: float) -> None:
         c = self._controller
@@ -211,6 +217,10 @@ class _RemoteControls:
 
     def listen(self) -> None:
         self._pilot.listen()
+
+    def get_ready(self) -> bool:
+        self._pilot.get_ready()
+        return self._pilot.may_arm
 
     def get_airborne(self, height_m: float) -> None:
         self._pilot.get_airborne(height_m)

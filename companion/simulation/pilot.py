@@ -33,8 +33,12 @@ class Pilot:
         self._mode_changes = [f for f in scenario.faults if f.kind == "mode_change"]
         self._heading = math.radians(scenario.start.heading_deg)
         self._enable_s = scenario.pilot.switch_on_s
-        self._next_s = self._switch_s = 0.0
+        self._next_s = self._switch_s = self._wait_s = 0.0
         self._legs_from_s: float | None = None
+        self._may_arm = False
+        self._begins_in_air = scenario.start.height_m > 0
+        self.ready = False
+        """Whether the flight may begin: it may be armed, and hangs in the air where the scenario begins there."""
         self.gave_away = False
         """Whether the landing procedure has the setpoints: the pilot's program sends none any more."""
 
@@ -42,6 +46,18 @@ class Pilot:
     def flying(self) -> bool:
         """Whether the legs have begun."""
         return self._legs_from_s is not None
+
+    def wait(self, time_s: float) -> None:
+        """To be called before every step of the physics until the flight begins: the switch is off."""
+        if time_s < self._wait_s:
+            return
+        self._wait_s = time_s + SETPOINT_S
+        self._controls.listen()
+        self._controls.set_channel(ENABLE_CHANNEL, SWITCH_OFF_US)
+        if not self._may_arm:
+            self._may_arm = self._controls.get_ready()
+        elif not self.ready:
+            self.ready = not self._begins_in_air or self._get_airborne(0.0)
 
     def step(self, time_s: float) -> None:
         """To be called before every step of the physics, with the time of the flight."""

@@ -41,6 +41,8 @@ from drivers.system import host_clock
 
 READY_S = 20.0
 """How long MAVSDK, link and camera may take to find each other."""
+BEGINS_S = 180.0
+"""How much simulated time an autopilot may take until the flight begins: ArduCopter's estimator took 40 s."""
 SETTLE_S = 1.0
 """Simulated time that the vehicle hangs still once they have."""
 POLL_S = 0.05
@@ -211,6 +213,14 @@ class _LiveFlight:
             if time.monotonic() > give_up:
                 raise LandslopeError(f"the daemon did not find the simulated autopilot within {READY_S:g} s")
             self._drain(POLL_S)
+        while not (self._pilot is not None and self._pilot.ready):
+            self._raise_failure()
+            if self._scene.vehicle.time_s > BEGINS_S:
+                raise LandslopeError(
+                    f"the autopilot did not arm and take off within {BEGINS_S:g} s of simulated time; its console "
+                    "and its STATUSTEXT say which check before arming fails"
+                )
+            self._drain(POLL_S)
 
     def _begin(self) -> None:
         zero_s = self._scene.vehicle.time_s
@@ -237,7 +247,10 @@ class _LiveFlight:
     # -- the vehicle's side: called by the physics -------------------------------------------------------
 
     def _before_step(self, time_s: float) -> None:
-        if self._zero_s is None or self._pilot is None:
+        if self._pilot is None:
+            return
+        if self._zero_s is None:
+            self._pilot.wait(time_s)
             return
         flown_s = time_s - self._zero_s
         self._pilot.step(flown_s)

@@ -109,16 +109,17 @@ def against_landing(
     return ()
 
 
-def against_touchdown(below: Disc, touchdown: Disc, all_known: bool) -> tuple[Reason, ...]:
+def against_touchdown(below: Disc, way: Disc, seen: Disc, all_known: bool) -> tuple[Reason, ...]:
     """What speaks against coming down on the ground map's discs straight below and on the way to the stopping point.
 
-    The disc below must be landable. ``touchdown``, the worst on the way, must be no hazard; with ``all_known`` it must
-    be landable too. The stopping point may lie ahead of the view: then only a slower flight makes it known.
+    No disc of the way may be a hazard (``way``: the worst). The disc below must be landable, and so must those of the
+    way that have been in view long enough to be known (``seen``: the worst); with ``all_known`` all must. Else the
+    stopping point may lie ahead of the view, where only a slower flight makes it known.
     """
-    for disc in (below, touchdown):
+    for disc in (below, way):
         if disc.verdict == HAZARD:
             return (Reason(Code.TOUCHDOWN_HAZARD, Certainty.CERTAIN, status=", ".join(disc.reasons)),)
-    for disc in (below, touchdown) if all_known else (below,):
+    for disc in (below, way if all_known else seen):
         if disc.verdict != LANDABLE or disc.reasons:
             return (Reason(Code.TOUCHDOWN_UNKNOWN, status=", ".join(disc.reasons)),)
     return ()
@@ -127,8 +128,9 @@ def against_touchdown(below: Disc, touchdown: Disc, all_known: bool) -> tuple[Re
 class GroundBelow(Protocol):
     """The ground map as the decision asks it."""
 
-    def under_way(self) -> tuple[Disc, Disc]:
-        """The disc straight below, and the worst from there to the stopping point, at the newest frame."""
+    def under_way(self) -> tuple[Disc, Disc, Disc]:
+        """At the newest frame: the disc straight below, the worst from there to the stopping point, and the worst of
+        those which have been in view long enough to be known."""
         ...
 
 

