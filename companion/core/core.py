@@ -19,6 +19,7 @@ from drivers.refusals import RefusalCode
 from drivers.samples import Frame, Refusal, Sample, Velocity
 from landing.estimate import SurfaceEstimate
 from landing.ground.landing_area import LandingArea
+from landing.ground.spots import Disc
 from landing.observation import Observation
 from landing.options import DecisionOptions, Options
 from landing.pipeline import SurfacePipeline
@@ -125,6 +126,10 @@ class Core:
         self._pipeline.options = replace(self._pipeline.options, decision=options)
         self._pipeline.ground.limit(options.max_inclination_deg, options.sigmas)
         self._judge.set_decision(options, LandingArea(self._camera, options, self._pipeline.options.tracking))
+
+    def under_way(self) -> tuple[Disc, Disc, Disc]:
+        """The ground map's answer, see ``GroundBelow``."""
+        return self._pipeline.ground.under_way()
 
     def set_standing(self, conditions: tuple[Condition, ...]) -> None:
         """Conditions that stand outside of the core (recording, clock, two vehicles), until others are set."""

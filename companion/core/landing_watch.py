@@ -5,12 +5,14 @@ from dataclasses import dataclass
 from companion.core.command import UNDER_WAY, WORDS
 from companion.messages.messages import Decision, Estimate, Event, Message
 from companion.settings.settings import LandingSettings
-from landing.reasons import Code
+from landing.decision.decision import GroundBelow, against_touchdown
+from landing.ground.spots import GroundCode
+from landing.reasons import Code, Status, in_words
 
 LANDING = frozenset(WORDS[code] for code in UNDER_WAY)
 
 MEASURED = frozenset({Code.TOO_STEEP, Code.TOO_ROUGH, Code.OBSTACLE_POINTS})
-"""Reasons that say what the ground is. That too little of it is seen is natural near the ground, and no reason to
+"""Reasons that say what the whole view is. That too little of it is seen is natural near the ground, and no reason to
 break off."""
 
 
@@ -23,14 +25,18 @@ class Watched:
 
 
 class LandingWatch:
-    """Pure: fed with the pipeline's messages. An abort needs what a request needs: evidence in every frame of
-    ``dwell_s``. Speaks once a landing, and only above the height (or, where it is not known, the time to contact)
+    """Fed with the pipeline's messages. An abort needs what a request needs: evidence in every frame of ``dwell_s``.
+    Where ``ground`` has metres, evidence is a hazard of the discs where the vehicle comes down: what is noise in the
+    whole view is none, nor is what lies beside, nor ground that is not known. Without metres it is what is certain of
+    the whole view. Speaks once a landing, and only above the height (or, where it is not known, the time to contact)
     below which breaking off would be worse than going on."""
 
-    def __init__(self, settings: LandingSettings, dwell_s: float) -> None:
+    def __init__(self, settings: LandingSettings, dwell_s: float, ground: GroundBelow | None = None) -> None:
+        """``ground`` is asked at an estimate, and is then of that estimate's frame or a newer one."""
         self._s = settings
         self._dwell_us = round(dwell_s * 1e6)
-        self._decision: Decision | None = None
+        self._ground = ground
+        self._landing = self._unfit = False
         self._since_us: int | None = None
         self._spoken = False
 
@@ -38,32 +44,46 @@ class LandingWatch:
         """Take one message; what is to be said and done, if anything."""
         if isinstance(message, Decision):
             self._take(message)
-        elif isinstance(message, Estimate) and self._due(message):
-            self._spoken = True
-            return self._words(message)
+        elif isinstance(message, Estimate) and self._landing and not self._spoken:
+            return self._see(message)
         return None
 
     def _take(self, decision: Decision) -> None:
         """A decision is told at every change of the verdict, so the one taken last holds until the next."""
-        self._decision = decision
-        landing = decision.command in LANDING
-        self._spoken = self._spoken and landing
-        if not landing or decision.verdict != "unfit" or not MEASURED.intersection(decision.reason_codes):
-            self._since_us = None
-        elif self._since_us is None:
-            self._since_us = decision.time_unix_us
+        self._landing = decision.command in LANDING
+        self._unfit = decision.verdict == "unfit" and bool(MEASURED.intersection(decision.reason_codes))
+        if not self._landing:
+            self._since_us, self._spoken = None, False
 
-    def _due(self, estimate: Estimate) -> bool:
-        if self._spoken or self._since_us is None:
-            return False
-        if not MEASURED.intersection(estimate.against_flat_codes):
+    def _see(self, estimate: Estimate) -> Watched | None:
+        evidence = self._evidence(estimate)
+        if not evidence:
             self._since_us = None
-            return False
-        return estimate.time_unix_us - self._since_us >= self._dwell_us and self._in_time(estimate)
+            return None
+        if self._since_us is None:
+            self._since_us = estimate.time_unix_us
+        if estimate.time_unix_us - self._since_us < self._dwell_us or not self._in_time(estimate):
+            return None
+        self._spoken = True
+        return self._words(estimate, evidence)
 
-    def _words(self, estimate: Estimate) -> Watched:
+    def _evidence(self, estimate: Estimate) -> tuple[str, ...]:
+        """What says, of this frame, that the vehicle comes down on unfit ground; in words."""
+        if estimate.status != Status.OK:
+            # the map remembers, but nothing was seen
+            return ()
+        if self._ground is not None:
+            below, way, seen = self._ground.under_way()
+            if GroundCode.NO_METRES not in below.reasons:
+                found = against_touchdown(below, way, seen, all_known=False)
+                return in_words(reason for reason in found if reason.code is Code.TOUCHDOWN_HAZARD)
+        if self._unfit and MEASURED.intersection(estimate.against_flat_codes):
+            return estimate.against_flat
+        return ()
+
+    def _words(self, estimate: Estimate, evidence: tuple[str, ...]) -> Watched:
         hold = self._s.on_unfit == "hold"
-        reasons = ", ".join(estimate.against_flat)
+        reasons = ", ".join(evidence)
         return Watched(
             Event(
                 event="surface_unfit",
@@ -71,7 +91,7 @@ class LandingWatch:
                 time_unix_us=estimate.time_unix_us,
                 severity="error",
                 text=f"landing on an unfit surface: {reasons}" + ("; hold is asked for" if hold else ""),
-                details={"hold": hold, "reasons": list(estimate.against_flat)},
+                details={"hold": hold, "reasons": list(evidence)},
             ),
             hold,
         )

@@ -81,7 +81,7 @@ class Daemon:
             stack.callback(self.recording.close)
             self.pipeline = LivePipeline(settings, self._output, self._conditions, self.counters)
             self._report = GroundReport(settings.mavlink, self.pipeline.body_from_camera)
-            self._watch = LandingWatch(settings.landing, settings.decision.dwell_s)
+            self._watch = LandingWatch(settings.landing, settings.decision.dwell_s, self.pipeline)
             self._publisher = stack.enter_context(Publisher(settings, retry=True))
             self._preview = PreviewPublisher(self._publisher.bus, settings.preview)
             stack.callback(self._preview.close)

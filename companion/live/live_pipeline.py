@@ -19,6 +19,7 @@ from companion.settings.settings import Settings
 from drivers.events import DriverEvent
 from drivers.files.camera_info import read_camera_info
 from drivers.samples import Frame, Sample
+from landing.ground.spots import Disc
 
 log = logging.getLogger(__name__)
 
@@ -100,6 +101,10 @@ class LivePipeline:
     def hold(self) -> None:
         """The autopilot is being asked for hold, by us."""
         self._core.hold()
+
+    def under_way(self) -> tuple[Disc, Disc, Disc]:
+        """The ground map's answer, see ``GroundBelow``."""
+        return self._core.under_way()
 
     def set_settings(self, settings: Settings) -> None:
         """Other settings of the decision from now on; the rest of them must be the same."""

@@ -15,7 +15,9 @@ import cv2
 from companion.core.approach import Ordered
 from companion.core.core import Output, Processed
 from companion.core.judge import LandRequest
+from companion.core.landing_watch import LandingWatch
 from companion.live.live_pipeline import LivePipeline
+from companion.messages.messages import Message
 from companion.settings.settings import Settings
 from companion.simulation.flight_record import FlightRecord
 from companion.simulation.flight_result import FlightResult, FlownStep, PathPoint, Request, path_point
@@ -117,6 +119,7 @@ class _Flight:
             self._controller.start_airborne(scenario.start.mode)
         self._pilot = Pilot(scenario, LocalControls(self._controller), airborne)
         self._pipeline = LivePipeline(settings, self._take)
+        self._watch = LandingWatch(settings.landing, settings.decision.dwell_s, self._pipeline)
         record, rate_hz = options.record, scenario.camera.rate_hz
         self._record = None if record is None else FlightRecord(record, settings, rate_hz)
         self.result = FlightResult(scenario.name, EPOCH_US, limit_deg=self._limit_deg)
@@ -236,6 +239,7 @@ class _Flight:
             pass
         else:
             self.result.add(output)
+            self._watched(output)
 
     def _request(self, request: LandRequest) -> None:
         time_s = self._scene.vehicle.time_s
@@ -253,6 +257,18 @@ class _Flight:
             )
         )
         self._link.land(time_s)
+
+    def _watched(self, message: Message) -> None:
+        """The watch over the landing holds as the daemon's does."""
+        watched = self._watch.feed(message)
+        if watched is None:
+            return
+        if self._record is not None:
+            self._record.output(watched.event)
+        self.result.add(watched.event)
+        if watched.hold:
+            self._pipeline.hold()
+            self._link.hold(self._scene.vehicle.time_s)
 
     def _order(self, ordered: Ordered) -> None:
         """The procedure's orders reach the autopilot as the command to land does."""

@@ -144,6 +144,19 @@ def test_every_built_in_scenario_can_be_read_and_written() -> None:
         assert parse_scenario(name, to_toml(scenario), name) == scenario
 
 
+def test_a_landing_onto_what_was_not_in_view_at_the_request_is_broken_off() -> None:
+    scenario = read_scenario("late_box")
+    scenario = replace(
+        scenario,
+        camera=replace(scenario.camera, width_px=240, height_px=180, rate_hz=15),
+        basics=replace(scenario.basics, duration_s=7),
+    )
+    held = fly(scenario, None, ["landing.on_unfit=hold"])
+    assert len(held.requests) == 1
+    assert [e.event for e in held.events].count("surface_unfit") == 1
+    assert held.decisions[-1].command.startswith("held")
+
+
 @settings(deadline=None, max_examples=40)
 @given(st.integers(0, 2**31 - 1))
 def test_random_scenarios_are_valid_files(seed: int) -> None:

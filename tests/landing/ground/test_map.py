@@ -146,6 +146,33 @@ def test_a_look_with_a_large_error_is_not_known() -> None:
     assert not ground.known.any()
 
 
+def test_the_largest_velocity_of_a_hovering_vehicle_gives_no_metres() -> None:
+    """Over ground that moves the view moves, and each velocity is noise: now and then one is far from zero."""
+    scale, most = Scale(), GroundOptions().max_scale_std
+    for k in range(200):
+        speed = 0.65 if k % 50 in (48, 49) else 0.1
+        relative = 0.2 / speed
+        scale.step(1 / 30, 0.0, 3.0 if relative < 0.6 else math.nan, 3.0 * relative)
+        assert scale.relative_std > most
+    for _ in range(15):
+        scale.step(1 / 30, 0.0, 3.0, 3.0 * 0.2)
+    assert scale.relative_std < most
+    assert scale.relative_std > 0.2
+
+
+def test_metres_begun_anew_are_not_told_by_one_measurement() -> None:
+    scale, most = Scale(), GroundOptions().max_scale_std
+    for _ in range(60):
+        scale.step(1 / 30, 0.0, 3.0, 0.3)
+    assert scale.relative_std < 0.11
+    scale.step(1 / 30, 0.0, 9.0, 0.9)
+    assert scale.distance_m == pytest.approx(9.0)
+    assert scale.relative_std > most
+    for _ in range(60):
+        scale.step(1 / 30, 0.0, 9.0, 0.9)
+    assert scale.relative_std < most
+
+
 def test_metres_average_noise_but_do_not_claim_to_know_better_than_the_best_measurement() -> None:
     scale = Scale()
     rng = np.random.default_rng(3)
