@@ -31,7 +31,6 @@ def link_options(settings: Settings, connection: str = "") -> LinkOptions:
     # who flies by setpoints hears of the pilot's mode and sticks within two of these
     flown = settings.landing.procedure == "offboard"
     state_hz = max(m.state_rate_hz, FLOWN_STATE_HZ) if flown else m.state_rate_hz
-    radio = {"RC_CHANNELS": state_hz} if settings.landing.enable_rc_channel else {}
     return LinkOptions(
         connection=connection or m.connection,
         system_id=settings.vehicle.system_id,
@@ -45,9 +44,10 @@ def link_options(settings: Settings, connection: str = "") -> LinkOptions:
             "SYS_STATUS": SYSTEM_STATUS_HZ,
             "SYSTEM_TIME": SYSTEM_TIME_HZ,
             "CURRENT_MODE": state_hz,
+            # a pilot's sticks end a permission, whatever gave it
             "MANUAL_CONTROL": state_hz,
-        }
-        | radio,
+            "RC_CHANNELS": state_hz,
+        },
         forward=m.forward,
         signing_key=key,
         signing_memory=None if key is None else state_directory() / f"signing_{_fingerprint(key)}.json",

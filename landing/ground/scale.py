@@ -11,7 +11,7 @@ _DRIFT = 0.1
 """Relative change of the distance in a second that the view does not show, one sigma: the ground below changes."""
 _GATE = 3.0
 """Standard deviations by which a measurement must differ to start anew."""
-_TOLD_S = 1.0
+_TOLD_S = 0.3
 """Time constant over which a measurement must hold, s: of a single velocity its noise may be the whole."""
 
 
@@ -19,7 +19,7 @@ class Scale:
     """Distance along the plane's normal, m, with its relative standard deviation.
 
     Errors of the vehicle's velocity are slow: measurements of the same moments share them, so that averaging takes out
-    noise only, and the standard deviation is that of the best second of measurements, growing since: of the mean of
+    noise only, and the standard deviation is that of the best third of a second of measurements, growing since: of the mean of
     their information, to which a moment without a measurement adds nothing. The best single one would be the one with
     the largest noise: of a vehicle that hovers, every velocity is noise, and over moving ground the view moves.
     """

@@ -34,7 +34,7 @@ def of(out, kind):
 
 @pytest.fixture(scope="module")
 def source(recorded):
-    return open_source(recorded, None, (), PlainCamera())
+    return open_source(recorded, None, ("decision.dwell_s=0.2",), PlainCamera())  # the flight is short
 
 
 @pytest.fixture(scope="module")

@@ -38,6 +38,8 @@ def test_the_outcome_is_followed_and_told(
             f"udpin:127.0.0.1:{port}",
             "--enable-after",
             "1",
+            "--set",
+            "decision.dwell_s=0.2",
             "--events",
             events,
         )
