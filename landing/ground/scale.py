@@ -20,8 +20,9 @@ class Scale:
 
     Errors of the vehicle's velocity are slow: measurements of the same moments share them, so that averaging takes out
     noise only, and the standard deviation is that of the best third of a second of measurements, growing since: of
-    the mean of their information, to which a moment without a measurement adds nothing. The best single one would be the one with
-    the largest noise: of a vehicle that hovers, every velocity is noise, and over moving ground the view moves.
+    the mean of their information, to which a moment without a measurement adds nothing. The best single one would be
+    the one with the largest noise: of a vehicle that hovers, every velocity is noise, and over moving ground the view
+    moves.
     """
 
     def __init__(self) -> None:
