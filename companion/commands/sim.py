@@ -12,7 +12,6 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -64,10 +63,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     many.add_argument(
         "--runs", type=int, metavar="N", help="fly N random scenarios and count what went wrong"
     )
-    many.add_argument(
-        "--kind", metavar="KIND",
-        help="what is wrong, or hard and yet sound, in every one of them: yaw_180, mirrored, moving, sound_gusts, ...",
-    )  # fmt: skip
     many.add_argument(
         "--classes", metavar="NAMES",
         help="of which classes N flights each: names with commas, or 'all' (default: control)",
@@ -141,18 +136,15 @@ def _fly(args: argparse.Namespace, scenario: Any, progress: Any) -> Any:
 
 
 def _many(args: argparse.Namespace) -> int:
-    from companion.simulation.kinds import KINDS, draw_kind
+    from companion.simulation.classes import CLASSES, CONTROL, seeds_of
     from companion.simulation.monte_carlo import fly_many
-    from companion.simulation.unkind_scenario import CLASSES, scenario_of, seeds_of
 
-    if args.kind not in (None, *KINDS):
-        raise LandslopeError(f"--kind {args.kind}: give one of {', '.join(sorted(KINDS))}")
     if not 1 <= args.runs <= 100_000 or not 1 <= args.jobs <= 10_000:
         raise LandslopeError("--runs must be from 1 to 100000 and --jobs from 1 to 10000")
     if args.dask is None and args.jobs > 64:
         raise LandslopeError(f"--jobs {args.jobs}: at most 64 processes of this machine; --dask takes more")
     first, table = args.seed or 0, None
-    classes = list(CLASSES) if args.classes == "all" else (args.classes or "control").split(",")
+    classes = list(CLASSES) if args.classes == "all" else (args.classes or CONTROL).split(",")
     try:
         seeds = seeds_of(classes, args.runs, first)
     except ValueError as error:
@@ -162,14 +154,12 @@ def _many(args: argparse.Namespace) -> int:
         if args.table is not None:
             from companion.simulation.result_table import ResultTable
 
-            same = args.overrides if args.kind is None else [*args.overrides, f"kind={args.kind}"]
-            table = stack.enter_context(ResultTable(args.table, args.config, same))
+            table = stack.enter_context(ResultTable(args.table, args.config, args.overrides))
         report = fly_many(
             args.runs, first, args.jobs, args.config, args.overrides, args.keep, progress,
             on_run=table.add if table is not None else lambda run: None,
             flown=table.runs_before(seeds) if table is not None else (),
             pool=None if args.dask is None else _dask(args.dask), classes=classes,
-            draw=scenario_of if args.kind is None else partial(draw_kind, args.kind),
         )  # fmt: skip
     print(report.in_words())
     if args.report is not None:

@@ -12,12 +12,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from companion.simulation.classes import CONTROL, scenario_of, seeds_of
 from companion.simulation.flight_result import FlightResult
 from companion.simulation.ground import unsafe
 from companion.simulation.lockstep import LockstepOptions, fly
 from companion.simulation.scenario import Scenario, to_toml
 from companion.simulation.shares import Share, wilson
-from companion.simulation.unkind_scenario import scenario_of, seeds_of
 from drivers.system.workers import worker_pool
 
 TRUTH_EVERY = 5
@@ -30,8 +30,6 @@ AHEAD = 4
 KEPT_WORST = 10
 
 Progress = Callable[[float, float], None]
-Draw = Callable[[int], Scenario]
-"""The scenario of a seed."""
 Pool = Callable[[], AbstractContextManager[Executor]]
 """Opens where flights are flown."""
 
@@ -200,8 +198,7 @@ def fly_many(
     on_run: Callable[[Run], None] = lambda run: None,
     flown: Sequence[Run] = (),
     pool: Pool | None = None,
-    classes: Sequence[str] = ("control",),
-    draw: Draw = scenario_of,
+    classes: Sequence[str] = (CONTROL,),
 ) -> Report:
     """Fly ``count`` random scenarios of each class from ``first_seed`` on in ``jobs`` processes.
 
@@ -217,8 +214,8 @@ def fly_many(
     seeds = [seed for seed in seeds_of(list(classes), count, first_seed) if seed not in known]
     if pool is None and jobs > 1 and len(seeds) > 1:
         pool = processes(jobs)
-    flight = partial(fly_one, config=config, overrides=tuple(overrides), draw=draw)
-    for done, run in enumerate(_all(seeds, AHEAD * jobs, pool, flight, draw), 1 + len(flown)):
+    flight = partial(fly_one, config=config, overrides=tuple(overrides))
+    for done, run in enumerate(_all(seeds, AHEAD * jobs, pool, flight), 1 + len(flown)):
         report.runs.append(run)
         on_run(run)
         if run.wrong:
@@ -228,15 +225,13 @@ def fly_many(
     report.elapsed_s = time.perf_counter() - started
     if keep is not None:
         shown = [r for r in worst(report.runs) if not r.crashed][:KEPT_WORST]
-        report.kept = [_keep(r, draw, keep, config, overrides) for r in shown]
+        report.kept = [_keep(r, keep, config, overrides) for r in shown]
     return report
 
 
-def fly_one(
-    seed: int, config: Path | None = None, overrides: Sequence[str] = (), draw: Draw = scenario_of
-) -> Run:
+def fly_one(seed: int, config: Path | None = None, overrides: Sequence[str] = ()) -> Run:
     """Fly the scenario of a seed and judge it."""
-    scenario = draw(seed)
+    scenario = scenario_of(seed)
     options = LockstepOptions(truth_every=TRUTH_EVERY, stop_at_request=True)
     limit_deg = scenario.flight_settings(config, overrides).decision.max_inclination_deg
     return judge(scenario, fly(scenario, config, overrides, options), limit_deg)
@@ -250,7 +245,7 @@ def judge(scenario: Scenario, result: FlightResult, max_inclination_deg: float) 
     none_due = scenario.expect.landing == "none"
     if request is not None and below is not None:
         outcome = {"fit": "right", "unfit": "view", "between": "between"}[request.fitness]
-        if none_due or scenario.ground.moves or unsafe(below, max_inclination_deg):
+        if none_due or unsafe(below, max_inclination_deg):
             outcome = "unsafe"
     else:
         chance = result.longest_chance_s >= OPPORTUNITY_S and not fault and not none_due
@@ -280,9 +275,7 @@ def processes(jobs: int) -> Pool:
     return lambda: worker_pool(jobs, _quiet)
 
 
-def _all(
-    seeds: Sequence[int], ahead: int, pool: Pool | None, flight: Callable[[int], Run], draw: Draw
-) -> Iterator[Run]:
+def _all(seeds: Sequence[int], ahead: int, pool: Pool | None, flight: Callable[[int], Run]) -> Iterator[Run]:
     if pool is None:
         yield from map(flight, seeds)
         return
@@ -303,7 +296,7 @@ def _all(
             for future in done:
                 error, seed = future.exception(), flown.pop(future)
                 # A flight that broke the software is a finding, not the end of the others.
-                yield future.result() if error is None else _crashed(draw(seed), error)
+                yield future.result() if error is None else _crashed(scenario_of(seed), error)
 
 
 def _crashed(scenario: Scenario, error: BaseException) -> Run:
@@ -321,9 +314,9 @@ def _quiet() -> None:
     logging.basicConfig(level=logging.CRITICAL)
 
 
-def _keep(run: Run, draw: Draw, directory: Path, config: Path | None, overrides: Sequence[str]) -> Path:
+def _keep(run: Run, directory: Path, config: Path | None, overrides: Sequence[str]) -> Path:
     """Fly a run again, the same bit for bit, and leave its scenario and its flight folder."""
-    scenario = draw(run.seed)
+    scenario = scenario_of(run.seed)
     folder = directory / f"{run.outcome}_{run.seed}"
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "scenario.toml").write_text(to_toml(scenario), encoding="utf-8")

@@ -72,19 +72,6 @@ class StartScene:
 
 
 @dataclass(frozen=True, slots=True)
-class GroundScene:
-    """Ground that moves by itself: water, a conveyor, a field in the wind. The surfaces move as a whole."""
-
-    north_m_s: Annotated[float, Limits(-5, 5, "m/s", "its velocity")] = 0.0
-    east_m_s: Annotated[float, Limits(-5, 5, "m/s", "its velocity")] = 0.0
-
-    @property
-    def moves(self) -> bool:
-        """Whether it does."""
-        return bool(self.north_m_s or self.east_m_s)
-
-
-@dataclass(frozen=True, slots=True)
 class WindScene:
     """The air."""
 
@@ -193,7 +180,6 @@ class Scenario:
     basics: Basics = field(default_factory=Basics)
     camera: CameraScene = field(default_factory=CameraScene)
     start: StartScene = field(default_factory=StartScene)
-    ground: GroundScene = field(default_factory=GroundScene)
     wind: WindScene = field(default_factory=WindScene)
     sensors: SensorScene = field(default_factory=SensorScene)
     link: LinkScene = field(default_factory=LinkScene)
@@ -231,7 +217,6 @@ class Scenario:
 _SECTIONS = {
     "camera": CameraScene,
     "start": StartScene,
-    "ground": GroundScene,
     "wind": WindScene,
     "sensors": SensorScene,
     "link": LinkScene,

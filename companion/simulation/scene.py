@@ -12,7 +12,7 @@ from companion.simulation.scenario import Fault, Scenario
 from drivers.simulated.vehicle.pose_history import PoseHistory
 from drivers.simulated.vehicle.sensors import SensorErrors
 from drivers.simulated.vehicle.vehicle import Ground, Multirotor, Wind
-from drivers.simulated.world.camera import Pose, SensorOptions, SimulatedCamera
+from drivers.simulated.world.camera import SensorOptions, SimulatedCamera
 from drivers.simulated.world.lens import Lens
 from drivers.simulated.world.render import Renderer
 from drivers.simulated.world.truth import FrameTruth
@@ -72,8 +72,6 @@ class Scene:
         self._judge = SimulatedCamera(judge, _sensor(scenario), seed=scenario.basics.seed)
         self.poses = PoseHistory()
         self.poses.add(self.vehicle)
-        g = scenario.ground
-        self._ground_velocity = np.array([g.north_m_s, g.east_m_s, 0.0])
         loops = [f.loop_s for f in scenario.faults if f.kind in _REPEATS]
         self._seen: deque[NDArray[np.uint8]] = deque(
             maxlen=max(2, *(round(s * scenario.camera.rate_hz) for s in (loops or [0])))
@@ -90,7 +88,7 @@ class Scene:
             self._repeated += 1
             return self._seen[_REPEATS[repeats](self._repeated, len(self._seen))]
         self._repeated = 0
-        image = self.camera.expose(number, time_s, self.over_ground)
+        image = self.camera.expose(number, time_s, self.poses.at)
         if self._fault("camera_dark", flown_s):
             image = (image // 64).astype(np.uint8)
         self._seen.append(image)
@@ -98,14 +96,9 @@ class Scene:
             self._seen[-1] = image = np.ascontiguousarray(image[:, ::-1])
         return image
 
-    def over_ground(self, time_s: float) -> Pose:
-        """The pose as seen from the ground, which may move."""
-        pose, velocity = self.poses.at(time_s), self._ground_velocity
-        return replace(pose, position=pose.position - velocity * time_s, velocity=pose.velocity - velocity)
-
     def truth(self, number: int, time_s: float) -> FrameTruth:
         """The truth of the exposure at ``time_s``; its time counts from the autopilot's boot."""
-        truth = self._judge.truth(number, time_s, self.over_ground)
+        truth = self._judge.truth(number, time_s, self.poses.at)
         return _since_boot(truth, self.scenario.link.since_boot_s)
 
     def fault(self, kind: str, time_s: float) -> Fault | None:

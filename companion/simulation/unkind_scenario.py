@@ -1,8 +1,4 @@
-"""Random flights in which something is against the vehicle, in classes that are counted apart.
-
-A flight is known by its seed: below ``CLASS_SEEDS`` it is an ordinary random flight, from there on each class has so
-many seeds of its own.
-"""
+"""Changes of a random scenario by which ground or sensors are against the vehicle."""
 
 import math
 import random
@@ -10,36 +6,13 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from companion.simulation.random_scenario import MATERIALS, random_scenario
+from companion.simulation.random_scenario import MATERIALS
 from companion.simulation.scenario import Leg, Scenario, StartScene
 
-CLASS_SEEDS = 1_000_000
+GROUND_M_S = (0.3, 1.2)
 
 Surfaces = tuple[dict[str, Any], ...]
 Change = Callable[[Scenario, random.Random], Scenario]
-
-
-def scenario_of(seed: int) -> Scenario:
-    """The scenario of a seed."""
-    number, own = divmod(seed, CLASS_SEEDS)
-    if number == 0:
-        return random_scenario(seed)
-    name = list(CLASSES)[number]
-    r = random.Random(seed)
-    plain = random_scenario(own)
-    basics = replace(plain.basics, description=name, seed=seed)
-    change = CLASSES[name]
-    assert change is not None
-    return change(replace(plain, name=f"{name}_{own}", basics=basics, faults=()), r)
-
-
-def seeds_of(names: list[str], count: int, first: int = 0) -> list[int]:
-    """``count`` seeds of each class, from its ``first`` on. Raises ValueError for an unknown name."""
-    order = list(CLASSES)
-    for name in names:
-        if name not in CLASSES:
-            raise ValueError(f"there is no class '{name}'; there are {', '.join(order)}")
-    return [order.index(name) * CLASS_SEEDS + first + k for name in names for k in range(count)]
 
 
 def _texture(r: random.Random) -> dict[str, Any]:
@@ -201,9 +174,13 @@ def _tiles(s: Scenario, r: random.Random) -> Scenario:
 def _moving_ground(s: Scenario, r: random.Random) -> Scenario:
     """Nothing to stand on: water, a belt, another vehicle's roof."""
     s = _level(s, r)
-    moves = {"moves_m_s": round(r.uniform(0.3, 1.0), 2), "moves_deg": round(r.uniform(0, 360), 1)}
+    moves = {"moves_m_s": round(r.uniform(*GROUND_M_S), 2), "moves_deg": round(r.uniform(0, 360), 1)}
     s = replace(s, expect=replace(s.expect, landing="none"))
     return replace(s, surfaces=tuple({**surface, **moves} for surface in s.surfaces))
+
+
+def _moving_below_hover(s: Scenario, r: random.Random) -> Scenario:
+    return replace(_moving_ground(s, r), legs=(Leg(60.0),))
 
 
 def _walker(s: Scenario, r: random.Random) -> Scenario:
@@ -221,8 +198,7 @@ def _walker(s: Scenario, r: random.Random) -> Scenario:
     return replace(s, start=start, surfaces=(*s.surfaces, person))
 
 
-CLASSES: dict[str, Change | None] = {
-    "control": None,
+UNKIND: dict[str, Change] = {
     "drifting": _drifting,
     "braking": _braking,
     "hovering": _hovering,
@@ -242,5 +218,6 @@ CLASSES: dict[str, Change | None] = {
     "tiles": _tiles,
     "moving_ground": _moving_ground,
     "walker": _walker,
+    "moving_hover": _moving_below_hover,
 }
-"""Name -> what it makes of a random flight. New ones come last: the place in the table is part of a flight's seed."""
+"""Name -> what it makes of a random flight."""

@@ -1,8 +1,7 @@
-"""Kinds of random flights: pictures, mounts and grounds that contradict the vehicle, and flights hard and yet sound.
+"""Changes of a random scenario by which pictures and mounts contradict the vehicle, or are hard for it and yet sound.
 
-Each is a change of the random scenario of a seed. A contradiction was seen on a vehicle: a camera mounted the wrong
-way round, a picture mirrored by a driver's setting, another lens or zoom than the calibrated one, a stream that lags
-behind or repeats itself, and ground that moves: water, a lorry's bed, grass in the rotor wash.
+Each contradiction was seen on a vehicle: a camera mounted the wrong way round, a picture mirrored by a driver's
+setting, another lens or zoom than the calibrated one, a stream that lags behind or repeats itself.
 """
 
 import math
@@ -11,22 +10,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from companion.simulation.random_scenario import random_scenario
-from companion.simulation.scenario import Fault, GroundScene, Leg, Scenario, WindScene
+from companion.simulation.scenario import Fault, Scenario, WindScene
 
 Change = Callable[[Scenario, random.Random], Scenario]
 
 FOCAL_BELIEVED = 0.77
 OLDEST_S, NEWEST_S = 1.0, 0.3
-GROUND_M_S = (0.3, 1.2)
 GPS_DRIFT_M_S = 0.21
 """Of an axis: 0.3 m/s over the two level ones."""
-
-
-def draw_kind(kind: str, seed: int) -> Scenario:
-    """The random scenario of a seed, without its faults, changed as a kind says."""
-    r = random.Random(f"{kind} {seed}")
-    return KINDS[kind](replace(random_scenario(seed), faults=()), r)
 
 
 def _camera(scenario: Scenario, **what: Any) -> Scenario:
@@ -72,22 +63,6 @@ def _repeats(kind: Any) -> Change:
     return change
 
 
-def _moving(scenario: Scenario, r: random.Random) -> Scenario:
-    speed, towards = r.uniform(*GROUND_M_S), r.uniform(0, 2 * math.pi)
-    material = {"material": "noise", "texture_m": 4.0} | {
-        key: value for key, value in scenario.surfaces[0].items() if key in ("material", "texture_m")
-    }
-    return replace(
-        scenario,
-        surfaces=({"kind": "level", **material},),
-        ground=GroundScene(round(speed * math.cos(towards), 3), round(speed * math.sin(towards), 3)),
-    )
-
-
-def _moving_below_hover(scenario: Scenario, r: random.Random) -> Scenario:
-    return replace(_moving(scenario, r), legs=(Leg(60.0),))
-
-
 def _gps_drift(scenario: Scenario, _: random.Random) -> Scenario:
     return replace(scenario, sensors=replace(scenario.sensors, velocity_error_m_s=GPS_DRIFT_M_S))
 
@@ -101,7 +76,7 @@ def _gusts(scenario: Scenario, r: random.Random) -> Scenario:
     return replace(scenario, wind=wind)
 
 
-KINDS: dict[str, Change] = {
+CONTRADICTIONS: dict[str, Change] = {
     "yaw_180": _yaw(180.0),
     "yaw_90": _yaw(90.0),
     "mirrored": _mirrored,
@@ -110,8 +85,6 @@ KINDS: dict[str, Change] = {
     "late": _late,
     "looped": _repeats("camera_looped"),
     "to_and_fro": _repeats("camera_to_and_fro"),
-    "moving": _moving,
-    "moving_hover": _moving_below_hover,
     "sound": lambda scenario, _: scenario,
     "sound_gps_drift": _gps_drift,
     "sound_slow_velocity": _slow_velocity,
