@@ -27,6 +27,11 @@ class Status(StrEnum):
     REPEATED_STAMP = "repeated_stamp"
 
 
+CONTRADICTIONS = frozenset(
+    {Status.ROTATION_CONTRADICTS, Status.VELOCITY_CONTRADICTS, Status.LATENESS_CONTRADICTS}
+)
+"""Statuses that say that pictures and vehicle do not speak of one motion."""
+
 STATUS_MEANING = {
     Status.OK: "there is an estimate",
     Status.STARTING: "there is no earlier frame yet",

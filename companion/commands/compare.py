@@ -17,9 +17,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the comparison."""
-    from companion.simulation.compare import comparison
+    from companion.simulation.compare import comparison, worse_flights
     from companion.simulation.result_table import read_rows
 
-    text = comparison(read_rows(args.before), read_rows(args.after))
-    print(text)
-    return 0 if ": 0 worse" in text else 1
+    before, after = read_rows(args.before), read_rows(args.after)
+    print(comparison(before, after))
+    return 1 if worse_flights(before, after) else 0

@@ -8,6 +8,7 @@ import numpy as np
 
 from companion.messages.ground import Ground
 from companion.messages.ground_cells import cells_of
+from landing.ground.ground import CellState
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -16,8 +17,12 @@ _ROUNDING = 1e-6
 """Of a place on the edge between two cells."""
 COLUMNS, ROWS = 77, 25
 """Characters across and down: one is a cell wide and two cells high, as characters are."""
-UNKNOWN, MEASURED, LANDABLE, DISPUTED = 0, 1, 2, 3
-LOOKS = {UNKNOWN: (" ", ""), MEASURED: (".", "blue"), LANDABLE: ("+", "green"), DISPUTED: ("x", "red")}
+LOOKS: dict[int, tuple[str, str]] = {
+    CellState.UNKNOWN: (" ", ""),
+    CellState.MEASURED: (".", "blue"),
+    CellState.LANDABLE: ("+", "green"),
+    CellState.DISPUTED: ("x", "red"),
+}
 VEHICLE, STOP = ("^", "bold white"), ("o", "bold yellow")
 LEGEND = "+ landable . measured x disputed ^ vehicle o touchdown 1-5 spots, north up, "
 
@@ -34,7 +39,7 @@ def map_lines(ground: Ground, mapped: Ground) -> "list[Text]":
     middle_row, middle_column = ROWS // 2, COLUMNS // 2
     row0 = math.floor((ground.north_m - grid.north0_m) / cell_m + _ROUNDING)
     column0 = math.floor((ground.east_m - grid.east0_m) / cell_m + _ROUNDING)
-    shown = [[LOOKS[UNKNOWN]] * COLUMNS for _ in range(ROWS)]
+    shown = [[LOOKS[CellState.UNKNOWN]] * COLUMNS for _ in range(ROWS)]
     for line in range(ROWS):
         first = row0 + 2 * (middle_row - line)
         for column in range(COLUMNS):
@@ -42,7 +47,7 @@ def map_lines(ground: Ground, mapped: Ground) -> "list[Text]":
             if not 0 <= across < state.shape[1]:
                 continue
             both = state[max(first, 0) : max(first + 2, 0), across]
-            shown[line][column] = LOOKS.get(_of(both), LOOKS[UNKNOWN])
+            shown[line][column] = LOOKS.get(_of(both), LOOKS[CellState.UNKNOWN])
 
     def put(north_m: float | None, east_m: float | None, look: tuple[str, str]) -> None:
         if north_m is None or east_m is None:
@@ -69,8 +74,8 @@ def map_lines(ground: Ground, mapped: Ground) -> "list[Text]":
 def _of(states: np.ndarray) -> int:
     """One state of the cells under a character: the one that speaks most against landing."""
     if not len(states):
-        return UNKNOWN
-    for state in (DISPUTED, UNKNOWN, MEASURED):
+        return CellState.UNKNOWN
+    for state in (CellState.DISPUTED, CellState.UNKNOWN, CellState.MEASURED):
         if (states == state).any():
             return state
-    return LANDABLE
+    return CellState.LANDABLE

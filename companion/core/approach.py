@@ -16,12 +16,9 @@ from landing.decision.targeting import Targeting
 from landing.decision.withheld import Withheld
 from landing.estimate import SurfaceEstimate
 from landing.ground.ground import Ground
-from landing.reasons import Status
+from landing.reasons import CONTRADICTIONS
 from landing.vision.camera import CameraModel
 
-CONTRADICTIONS = frozenset(
-    {Status.ROTATION_CONTRADICTS, Status.VELOCITY_CONTRADICTS, Status.LATENESS_CONTRADICTS}
-)
 SPOTS_EVERY_S = 0.2
 """All discs are looked at this often; the chosen one at every frame."""
 VELOCITY_MAX_AGE_S = 0.5
@@ -133,8 +130,6 @@ class Approach:
             velocity_ned=sight.velocity_ned if self._fresh_local(now_us) is not None else None,
             yaw=yaw,
             height_m=sight.height_m,
-            height_std_m=sight.height_std_m,
-            height_source="velocity",
             approach=sight.approach,
             below=ground.at(*sight.place_ned[:2]),
             spots=spots,

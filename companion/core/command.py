@@ -3,22 +3,9 @@
 from dataclasses import dataclass
 from enum import StrEnum
 
+from drivers.autopilot.outcome import NO_ANSWER, NO_AUTOPILOT
+from drivers.commands import DO_SET_MODE, HOLD_MODES, LAND_MODES, NAV_LAND
 from drivers.samples import CommandAnswer, CurrentMode, Heartbeat, LandedState, Sample
-
-NAV_LAND = 21
-"""MAV_CMD_NAV_LAND."""
-DO_SET_MODE = 176
-"""MAV_CMD_DO_SET_MODE, by which MAVSDK asks for hold."""
-
-LAND_MODES = frozenset({"LAND", "AUTO.LAND", "AUTO_LAND", "QLAND", "PRECLAND"})
-"""Flight modes that mean the autopilot is landing."""
-
-HOLD_MODES = frozenset({"HOLD", "BRAKE", "LOITER"})
-"""Flight modes that our own hold leads to: PX4's HOLD, ArduCopter's BRAKE or LOITER."""
-
-NO_ANSWER = "NO_ANSWER"
-NO_AUTOPILOT = "NO_AUTOPILOT"
-"""Results that the companion gives itself, beside MAVLink's, when the autopilot said nothing."""
 
 
 class Command(StrEnum):

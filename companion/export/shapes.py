@@ -12,6 +12,7 @@ from companion.messages.ground_cells import NO_HEIGHT, cells_of
 from companion.messages.messages import Estimate, Event
 from companion.messages.preview import Preview
 from companion.messages.tilt import tilt_of
+from landing.ground.ground import CellState
 from landing.rotations import log_so3, matrix_from_euler
 from landing.vision.camera import CameraModel
 
@@ -23,8 +24,13 @@ SURFACE_COLOURS = {
     "unknown": fox.Color(r=0.4, g=0.4, b=0.4, a=0.6),
 }
 LEVELS = {"info": fox.LogLevel.Info, "warning": fox.LogLevel.Warning, "error": fox.LogLevel.Error}
-MAP_COLOURS = ((0, 0, 0, 0), (60, 120, 220, 255), (50, 170, 70, 255), (210, 40, 40, 255))
-"""Of a cell by its state: unknown, measured, its disc landable, looks disagree; red, green, blue, alpha."""
+MAP_COLOURS = {
+    CellState.UNKNOWN: (0, 0, 0, 0),
+    CellState.MEASURED: (60, 120, 220, 255),
+    CellState.LANDABLE: (50, 170, 70, 255),
+    CellState.DISPUTED: (210, 40, 40, 255),
+}
+"""Red, green, blue, alpha."""
 CELL = np.dtype(
     [("elevation", "<f4"), ("state", "u1"), ("red", "u1"), ("green", "u1"), ("blue", "u1"), ("alpha", "u1")]
 )
@@ -157,7 +163,7 @@ def ground_map(ground: Ground, vehicle: str, position_ned: tuple[float, float, f
     packed = np.zeros(state.shape, CELL)
     packed["elevation"] = np.where(height == NO_HEIGHT, np.nan, height * 1e-3)
     packed["state"] = state
-    colours = np.array(MAP_COLOURS, np.uint8)[np.minimum(state, len(MAP_COLOURS) - 1)]
+    colours = np.array([MAP_COLOURS[s] for s in CellState], np.uint8)[np.minimum(state, len(MAP_COLOURS) - 1)]
     for k, name in enumerate(("red", "green", "blue", "alpha")):
         packed[name] = colours[..., k]
     north, east, down = position_ned

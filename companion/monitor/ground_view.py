@@ -10,18 +10,18 @@ import numpy as np
 
 from companion.messages.ground_cells import NO_HEIGHT, cells_of
 from companion.messages.messages import ProcedureState
+from landing.ground.ground import CellState
 
 SIDE = 400
 """Of the picture, in its own units."""
 VIEW_M = 8.0
 """Half side of what is shown."""
 DISC_M = 0.5
-UNKNOWN, MEASURED, LANDABLE, DISPUTED = 0, 1, 2, 3
-COLOURS = {
-    UNKNOWN: (120, 120, 120),
-    MEASURED: (40, 130, 200),
-    LANDABLE: (70, 150, 40),
-    DISPUTED: (50, 30, 190),
+COLOURS: dict[int, tuple[int, int, int]] = {
+    CellState.UNKNOWN: (120, 120, 120),
+    CellState.MEASURED: (40, 130, 200),
+    CellState.LANDABLE: (70, 150, 40),
+    CellState.DISPUTED: (50, 30, 190),
 }
 """BGR of a cell at the map's mean height: measured but not landable, landable, looks that disagree."""
 RELIEF_M = 0.5
@@ -105,7 +105,7 @@ def _map(ground: dict[str, Any], mapped: dict[str, Any], scale: float) -> str:
     for value, colour in COLOURS.items():
         picture[state == value, :3] = colour
     picture[..., :3] = np.clip(picture[..., :3] * (1 + 0.35 * light), 0, 255).astype(np.uint8)
-    picture[..., 3] = np.where((state == UNKNOWN) & ~known, 0, 255)
+    picture[..., 3] = np.where((state == CellState.UNKNOWN) & ~known, 0, 255)
     done, png = cv2.imencode(".png", picture[::-1])
     if not done:
         return ""

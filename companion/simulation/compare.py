@@ -11,6 +11,11 @@ GRAVITY = {"crashed": 4, "unsafe": 3, "view": 2, "missed": 1}
 MOST_FLIGHTS = 20
 
 
+def worse_flights(before: Sequence[Row], after: Sequence[Row]) -> int:
+    """How many flights of both tables ended worse."""
+    return sum(_gravity(b) > _gravity(a) for a, b in _pairs(before, after))
+
+
 def comparison(before: Sequence[Row], after: Sequence[Row]) -> str:
     """Markdown, ready for a pull request."""
     lines = ["| ground | outcome | before | after |", "|---|---|---|---|"]
@@ -25,16 +30,21 @@ def comparison(before: Sequence[Row], after: Sequence[Row]) -> str:
 
 
 def _flights(before: Sequence[Row], after: Sequence[Row]) -> Iterable[str]:
-    old = {row["seed"]: row for row in before}
-    pairs = [(old[row["seed"]], row) for row in after if row["seed"] in old]
+    pairs = _pairs(before, after)
     changed = [(a, b) for a, b in pairs if a["outcome"] != b["outcome"]]
-    worse = sum(_gravity(b) > _gravity(a) for a, b in changed)
+    worse = worse_flights(before, after)
     better = sum(_gravity(b) < _gravity(a) for a, b in changed)
     same = len(pairs) - worse - better
     yield f"{len(pairs)} flights in both tables: {worse} worse, {better} better, {same} as before."
     changed.sort(key=lambda pair: (_gravity(pair[0]) - _gravity(pair[1]), pair[1]["seed"]))
     for a, b in changed[:MOST_FLIGHTS]:
         yield f"- seed {b['seed']} ({b['ground']}): {a['outcome']} -> {b['outcome']}"
+
+
+def _pairs(before: Sequence[Row], after: Sequence[Row]) -> list[tuple[Row, Row]]:
+    """The flights of both tables, by seed."""
+    old = {row["seed"]: row for row in before}
+    return [(old[row["seed"]], row) for row in after if row["seed"] in old]
 
 
 def _gravity(row: Row) -> int:

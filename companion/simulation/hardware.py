@@ -6,13 +6,13 @@ from typing import Protocol
 from companion.errors import LandslopeError
 from companion.simulation.scenario import Scenario
 from companion.simulation.scene import Scene, sensor_errors
+from drivers.commands import NAV_LAND
 from drivers.simulated.vehicle.ardupilot_json import PORT, JsonBackend
 from drivers.simulated.vehicle.autopilot import LinkFaults, SimulatedAutopilot
 from drivers.simulated.vehicle.flight_controller import FlightController
 from drivers.simulated.vehicle.mavlink_pilot import MavlinkPilot
 from drivers.simulated.vehicle.vehicle import Multirotor
 
-NAV_LAND = 21
 STEP_HZ = 250.0
 SITL_S = 60.0
 """How long a SITL may take to send its first packet."""

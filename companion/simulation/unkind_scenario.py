@@ -4,7 +4,7 @@ import math
 import random
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal
 
 from companion.simulation.random_scenario import MATERIALS
 from companion.simulation.scenario import Leg, Scenario, StartScene
@@ -152,19 +152,12 @@ def _level(s: Scenario, r: random.Random, material: str = "") -> Scenario:
     return _level_flight(s, r, r.uniform(1.5, 4), (0.15, 0.35))
 
 
-def _skids(s: Scenario, r: random.Random) -> Scenario:
-    s = _level(s, r)
-    return replace(s, camera=replace(s.camera, in_view="skids"))
+def _in_view(what: Literal["skids", "dirt", "shadow"]) -> Change:
+    def change(s: Scenario, r: random.Random) -> Scenario:
+        s = _level(s, r)
+        return replace(s, camera=replace(s.camera, in_view=what))
 
-
-def _dirt(s: Scenario, r: random.Random) -> Scenario:
-    s = _level(s, r)
-    return replace(s, camera=replace(s.camera, in_view="dirt"))
-
-
-def _shadow(s: Scenario, r: random.Random) -> Scenario:
-    s = _level(s, r)
-    return replace(s, camera=replace(s.camera, in_view="shadow"))
+    return change
 
 
 def _tiles(s: Scenario, r: random.Random) -> Scenario:
@@ -212,9 +205,9 @@ UNKIND: dict[str, Change] = {
     "dark_pit": _hole((0.4, 1.2), (0.4, 1.2), (0.3, 0.6)),
     "dark_ditch": _hole((3.0, 6.0), (0.25, 0.6), (0.15, 0.4)),
     "edge_ahead": _edge,
-    "skids": _skids,
-    "dirt": _dirt,
-    "shadow": _shadow,
+    "skids": _in_view("skids"),
+    "dirt": _in_view("dirt"),
+    "shadow": _in_view("shadow"),
     "tiles": _tiles,
     "moving_ground": _moving_ground,
     "walker": _walker,

@@ -17,15 +17,14 @@ from drivers.mavlink.telemetry import TelemetryDecoder
 from drivers.mavlink.timesync import TimeSync
 from drivers.samples import CommandAnswer, Sample
 from drivers.simulated.vehicle.autopilot_protocol import AutopilotProtocol
+from drivers.simulated.vehicle.firmware import MODES
+from drivers.simulated.vehicle.mavlink_pilot import VELOCITY_ONLY
 from drivers.simulated.vehicle.telemetry_streams import TelemetryStreams
 
 NO_ANSWER_S = 2.0
 """MAVSDK gives up this long after the command when nothing came, as measured."""
 NO_OUTCOME_S = 10.0
 """The same when the autopilot said IN_PROGRESS."""
-VELOCITY_ONLY = 0b110111000111
-"""Type mask of SET_POSITION_TARGET_LOCAL_NED: the velocity counts alone, so the heading is held."""
-BRAKE = 17
 OWN_SYSTEM, OWN_COMPONENT = 1, 191
 
 
@@ -96,7 +95,7 @@ class VirtualLink:
         custom = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
         self._send(
             mavlink.MAVLink_command_long_message(
-                1, 1, mavlink.MAV_CMD_DO_SET_MODE, 0, custom, BRAKE, 0, 0, 0, 0, 0
+                1, 1, mavlink.MAV_CMD_DO_SET_MODE, 0, custom, MODES["BRAKE"], 0, 0, 0, 0, 0
             ),
             time_s,
         )

@@ -9,8 +9,9 @@ import mavsdk
 from mavsdk.plugins.action import Action, ActionError, ActionResult
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from drivers.autopilot.offboard import HOLD_MODES, OffboardControl
+from drivers.autopilot.offboard import OffboardControl
 from drivers.autopilot.outcome import ENDED, NO_ANSWER, NO_AUTOPILOT, Outcome
+from drivers.commands import DO_SET_MODE, HOLD_MODES, LAND_MODES, NAV_LAND
 from drivers.errors import DriverError
 from drivers.mavlink.link import Link
 from drivers.samples import CommandAnswer
@@ -18,12 +19,6 @@ from drivers.system.host_clock import now_us
 
 log = logging.getLogger(__name__)
 
-NAV_LAND = 21
-"""MAV_CMD_NAV_LAND."""
-DO_SET_MODE = 176
-"""MAV_CMD_DO_SET_MODE."""
-LAND_MODES = frozenset({"LAND", "QLAND", "PRECLAND"})
-"""Flight modes that a command to land leads to."""
 PX4_PRECLAND = (4, 9)
 """Main and sub mode of PX4's AUTO/PRECLAND."""
 ASK_S, ASKS = 0.5, 3

@@ -12,16 +12,13 @@ from typing import TYPE_CHECKING
 from mavsdk.plugins.offboard import Offboard, OffboardError, OffboardResult, VelocityNedYaw
 
 from drivers.autopilot.outcome import ENDED, NO_ANSWER, Outcome
+from drivers.commands import CONTROL_MODES, HOLD_MODES
 from drivers.mavlink.link import Link
 from drivers.samples import Vector3
 
 if TYPE_CHECKING:
     from mavsdk.system import System
 
-CONTROL_MODES = frozenset({"GUIDED", "OFFBOARD"})
-"""Flight modes that follow setpoints: ArduCopter's and PX4's."""
-HOLD_MODES = frozenset({"BRAKE", "HOLD", "LOITER"})
-"""Where ``stop`` leads: BRAKE on ArduCopter 4.7, HOLD on PX4 (measured with MAVSDK 4.1)."""
 STREAM_FIRST_S = 0.3
 """PX4 takes OFFBOARD only while setpoints come (OffboardChecks of its commander)."""
 INSIST_S = 1.5

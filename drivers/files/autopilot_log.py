@@ -4,7 +4,6 @@ A log is stamped with the autopilot's boot time alone. The companion's time is b
 its TIMESYNC requests to the companion found, once a second.
 """
 
-import math
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -126,14 +125,3 @@ def with_rates(samples: list[Sample]) -> list[Sample]:
             sample = replace(sample, rollspeed=x, pitchspeed=y, yawspeed=z)
         found.append(sample)
     return found
-
-
-def euler_of(w: float, x: float, y: float, z: float) -> tuple[float, float, float] | None:
-    """Roll, pitch and yaw (rad) of an attitude quaternion (body to NED); None where it is no rotation."""
-    norm = math.sqrt(w * w + x * x + y * y + z * z)
-    if not 0.9 < norm < 1.1:  # of NaN too
-        return None
-    w, x, y, z = w / norm, x / norm, y / norm, z / norm
-    roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
-    return roll, pitch, math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))

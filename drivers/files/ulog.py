@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from drivers.errors import DriverError
-from drivers.files.autopilot_log import AutopilotLog, RoundTrip, euler_of, log_of, with_rates
+from drivers.files.autopilot_log import AutopilotLog, RoundTrip, log_of, with_rates
 from drivers.mavlink.flight_modes import px4_mode_of_state, vehicle_type
+from drivers.quaternions import euler_of
 from drivers.samples import Attitude, Heartbeat, Imu, LandedState, RcChannels, Sample, Velocity
 
 TOPICS = [

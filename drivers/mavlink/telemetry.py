@@ -8,6 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from drivers.mavlink import current_mode as current_mode  # before the ids are taken from the table
 from drivers.mavlink.flight_modes import AUTOPILOTS, mode_name, vehicle_type
+from drivers.quaternions import euler_of
 from drivers.refusals import RefusalCode
 from drivers.samples import (
     GRAVITY,
@@ -138,16 +139,11 @@ class TelemetryDecoder:
         values = (m.q1, m.q2, m.q3, m.q4, m.rollspeed, m.pitchspeed, m.yawspeed)
         if not _finite(values):
             return [_not_finite("ATTITUDE_QUATERNION", arrival_us)]
-        norm = math.hypot(*values[:4])
-        if not 0.9 < norm < 1.1:
-            return [
-                Refusal(arrival_us, "ATTITUDE_QUATERNION", RefusalCode.NOT_A_ROTATION, f"norm {norm:.3g}")
-            ]
-        w, x, y, z = (v / norm for v in values[:4])
-        roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-        pitch = math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x))))
-        yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        return [Attitude(arrival_us, boot_us, roll, pitch, yaw, *values[4:])]
+        angles = euler_of(*values[:4])
+        if angles is None:
+            detail = f"norm {math.hypot(*values[:4]):.3g}"
+            return [Refusal(arrival_us, "ATTITUDE_QUATERNION", RefusalCode.NOT_A_ROTATION, detail)]
+        return [Attitude(arrival_us, boot_us, *angles, *values[4:])]
 
     def _imu_counts(self, m: Any, arrival_us: int) -> list[Sample]:
         name = m.get_type()

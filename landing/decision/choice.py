@@ -6,11 +6,11 @@ from landing.decision.orders import Inputs, Vector
 from landing.ground.spots import Spot
 
 FAR_HAZARD_M = 1.0
-"""Clearance beyond this counts no more, in still air."""
-GUST_S2 = 0.1
-"""More of it counts in wind: metres for each m/s^2 that the vehicle leans into."""
+"""Clearance beyond this counts no more."""
 WAY_WORTH = 0.25
 """A metre of way counts as much as so many metres of clearance."""
+INCLINATION_WORTH, STEP_WORTH = 0.05, 10.0
+"""A degree of inclination, and a metre of step, count as much as so many metres of clearance."""
 CLEARLY_M = 0.4
 """Clearance by which another place must be better."""
 SAME_M = 0.4
@@ -21,11 +21,11 @@ REFUSED_M = 0.6
 """Nothing is chosen so near to a place that turned out unfit."""
 
 
-def merit(spot: Spot, lean: tuple[float, float]) -> float:
+def merit(spot: Spot) -> float:
     """In metres of clearance."""
-    far = FAR_HAZARD_M + GUST_S2 * math.hypot(*lean)
     way = math.hypot(spot.north_m, spot.east_m)
-    return min(spot.clearance_m, far) - WAY_WORTH * way - spot.inclination_deg / 20.0 - spot.step_m / 0.1
+    near = min(spot.clearance_m, FAR_HAZARD_M)
+    return near - WAY_WORTH * way - INCLINATION_WORTH * spot.inclination_deg - STEP_WORTH * spot.step_m
 
 
 class Choice:
@@ -57,20 +57,20 @@ class Choice:
         here = [entry for entry in places if self._allowed(entry[0], middle)]
         if not here:
             return False
-        best, spot = max(here, key=lambda entry: merit(entry[1], i.lean))
+        best, spot = max(here, key=lambda entry: merit(entry[1]))
         if self.spot_ned is None:
-            self.spot_ned, self._merit = best, merit(spot, i.lean)
+            self.spot_ned, self._merit = best, merit(spot)
             return True
         chosen = self.spot_ned
         kept = self._kept(here, chosen)
         if kept is not None:
             self.spot_ned = chosen = _between(chosen, kept[0], FOLLOW)
-            self._merit = merit(kept[1], i.lean)
-        if merit(spot, i.lean) - self._merit <= CLEARLY_M:
+            self._merit = merit(kept[1])
+        if merit(spot) - self._merit <= CLEARLY_M:
             return False
         if _apart(best, chosen) <= SAME_M:
             return False
-        self.spot_ned, self._merit = best, merit(spot, i.lean)
+        self.spot_ned, self._merit = best, merit(spot)
         return True
 
     def follow(self, i: Inputs) -> None:

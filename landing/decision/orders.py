@@ -70,7 +70,6 @@ class Why(StrEnum):
     NO_PERMISSION = "no_permission"
     MODE_NOT_NAMED = "mode_not_named"
     NO_VELOCITY = "no_velocity"
-    NOT_WAITED_FOR = "not_waited_for"
     TAKING_OVER = "taking_over"
     NO_METRES = "no_metres"
     GROUND_UNKNOWN = "ground_unknown"
@@ -81,7 +80,6 @@ class Why(StrEnum):
     BETTER_SPOT = "better_spot"
     COMING_DOWN = "coming_down"
     SPOT_UNSURE = "spot_unsure"
-    OFF_THE_SPOT = "off_the_spot"
     SPOT_HAZARD = "spot_hazard"
     SPOT_UNKNOWN = "spot_unknown"
     SPOT_LOST = "spot_lost"
@@ -106,7 +104,6 @@ WORDS = {
     Why.NO_PERMISSION: "waits for the permission",
     Why.MODE_NOT_NAMED: "waits for a flight mode in which it may take over",
     Why.NO_VELOCITY: "waits for the vehicle's velocity",
-    Why.NOT_WAITED_FOR: "does nothing: the landing is the autopilot's alone",
     Why.TAKING_OVER: "takes over",
     Why.NO_METRES: "moves sideways: the height is not known yet",
     Why.GROUND_UNKNOWN: "moves sideways: the ground is not known yet",
@@ -117,7 +114,6 @@ WORDS = {
     Why.BETTER_SPOT: "flies to a better place",
     Why.COMING_DOWN: "comes down on the place",
     Why.SPOT_UNSURE: "comes down slower: the place is not sure",
-    Why.OFF_THE_SPOT: "comes down slower: it is beside the place",
     Why.SPOT_HAZARD: "stops and climbs: the place is a hazard",
     Why.SPOT_UNKNOWN: "stops: the place is not known any more",
     Why.SPOT_LOST: "stops: the place is out of reach",
@@ -148,13 +144,11 @@ class Inputs:
 
     ``objections`` stand against a landing now; ``mode`` is the flight mode, None while it is not heard. ``quiet``:
     the autopilot is busy with a failsafe or is not heard, so nothing may be said to it; ``landing``: it lands at our
-    request. ``place_ned`` is the
-    vehicle by the visual motion, ``place_std_m`` how much that has drifted since the spot was seen last, one sigma;
-    ``local_ned`` the same vehicle by the autopilot, in the autopilot's axes; ``velocity_ned`` by the visual motion
-    where that is in metres, else by the autopilot. ``height_m`` over the ground straight below, ``height_std_m``,
-    ``height_source``. ``approach`` is the sink over the height by the view, 1/s (half of an estimate's divergence).
-    ``spots`` are landable discs, best first, from the vehicle; None: not asked for at this frame. ``at_spot`` is
-    the disc about the chosen place. ``lean`` is the horizontal force per mass that the vehicle leans into, m/s^2.
+    request. ``place_ned`` is the vehicle by the visual motion, ``local_ned`` by the autopilot, in the autopilot's axes;
+    ``velocity_ned`` by the visual motion where that is in metres, else by the autopilot. ``height_m`` is over the
+    ground straight below, ``approach`` the sink over it by the view, 1/s (half of an estimate's divergence). ``spots``
+    are landable discs, best first, from the vehicle; None: not asked for at this frame. ``below`` and ``at_spot`` are the
+    discs straight below and about the chosen place.
     """
 
     time_s: float
@@ -164,18 +158,14 @@ class Inputs:
     landing: bool = False
     contradictions: tuple[str, ...] = ()
     place_ned: Vector = (NAN, NAN, NAN)
-    place_std_m: float = NAN
     local_ned: Vector | None = None
     velocity_ned: Vector | None = None
     yaw: float = NAN
     height_m: float = NAN
-    height_std_m: float = NAN
-    height_source: str = ""
     approach: float = NAN
     below: Disc = NOT_SEEN
     at_spot: Disc = NOT_SEEN
     spots: tuple[Spot, ...] | None = None
-    lean: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)

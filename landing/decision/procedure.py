@@ -5,7 +5,7 @@ The states, each with its limit of time (``LIMIT_S``)::
     IDLE --permission, mode named, velocity known--> START --the mode follows--> LOOK
     LOOK --the ground is known--> CHOOSE --a place--> GO --over it--> DESCEND --low, over it, slow--> HAND_OVER
     CHOOSE --no place--> SEARCH --a place--> CHOOSE
-    GO, DESCEND --hazard, unknown, lost--> HOLD --stopped, higher--> CHOOSE
+    GO, DESCEND --hazard, unknown, lost--> HOLD --stopped, higher--> LOOK
     any of these --permission or mode gone, contradiction, fence, limit of time--> GIVE_BACK
     HAND_OVER, GIVE_BACK --the permission is renewed--> IDLE
 
@@ -297,9 +297,6 @@ class Procedure:
         """Stopped, and a little higher."""
         climb = self._climb(i, 1.3 * self._from_m)
         if i.time_s - self._since_s > 1.0 and not climb:
-            if self._tries >= TRIES:
-                # the limit of time of HOLD would say the same later
-                self.why = Why.TOO_MANY_TRIES
             self._look_from = i.place_ned
             self._go(State.LOOK, Why.GROUND_UNKNOWN, i.time_s)
         return 0.0, 0.0, -climb

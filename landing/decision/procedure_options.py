@@ -41,7 +41,7 @@ TRIES = 4
 FENCE_MARGIN_M = 1.5
 """Beyond the search: brakes and drift."""
 LOWEST_SHARE = 0.75
-"""Of the height of the hand-over: below it, it has come down too far."""
+"""Of the height from which the view holds the disc: below it nothing new is learnt of the place."""
 
 
 @dataclass(frozen=True, slots=True)

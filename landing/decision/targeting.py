@@ -4,7 +4,7 @@ import math
 
 from landing.decision.choice import Choice
 from landing.decision.orders import Inputs, Order, OrderKind, State, Step, Vector, Why
-from landing.decision.procedure_options import ProcedureOptions
+from landing.decision.procedure_options import LOWEST_SHARE, ProcedureOptions
 from landing.decision.withheld import Withheld
 from landing.ground.spots import HAZARD
 
@@ -17,8 +17,6 @@ EXPECTED = frozenset(
     }
 )
 """Against another request, since this landing goes on."""
-LOWEST_SHARE = 0.75
-"""Of the height from which the view holds the disc: below it the target stays where it is."""
 
 
 class Targeting:
@@ -68,7 +66,7 @@ class Targeting:
             )
             return Order()
         self._origin = self._origin or i.place_ned
-        if i.height_m >= LOWEST_SHARE * self.options.hand_over_m:
+        if i.height_m >= LOWEST_SHARE * self.options.hand_over_m:  # below, the target stays where it is
             self._choice.step(i, self._origin)
             if i.at_spot.verdict == HAZARD:
                 self._choice.refuse()

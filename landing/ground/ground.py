@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,10 +56,19 @@ class Sight:
     approach: float
 
 
+class CellState(IntEnum):
+    """Of a cell as it is shown: LANDABLE is measured with a landable disc about it; the looks at DISPUTED disagree."""
+
+    UNKNOWN = 0
+    MEASURED = 1
+    LANDABLE = 2
+    DISPUTED = 3
+
+
 @dataclass(frozen=True, slots=True)
 class MapView:
-    """The known part of the map: ``height_m`` (rows, columns), NaN where unknown, and ``state`` (rows, columns):
-    0 unknown, 1 measured, 2 measured with a landable disc about it, 3 looks disagree. The corner is north and east."""
+    """The known part of the map: ``height_m`` (rows, columns), NaN where unknown, and ``state`` (rows, columns), a
+    ``CellState``. The corner is north and east."""
 
     north0_m: float
     east0_m: float
@@ -158,8 +168,8 @@ class Ground:
         part = slice(int(rows.min()), int(rows.max()) + 1), slice(int(columns.min()), int(columns.max()) + 1)
         known = self.map.known[part]
         state = known.astype(np.uint8)
-        state[known & self._discs().landable[part]] = 2
-        state[self.map.disputed[part] > _DISPUTED] = 3
+        state[known & self._discs().landable[part]] = CellState.LANDABLE
+        state[self.map.disputed[part] > _DISPUTED] = CellState.DISPUTED
         north, east = self.map.corner_m
         return MapView(
             north + part[0].start * CELL_M,
@@ -185,9 +195,12 @@ class Ground:
         return below, discs.along(self.map, way), discs.along(self.map, seen) if len(seen) else below
 
     def _long_in_view(self, offsets: Array) -> NDArray[np.bool_]:
-        """Which discs about places (n, 2), north and east from the vehicle, have been in view long enough."""
+        """Which discs about places (n, 2), north and east from the vehicle, have been in view long enough.
+
+        All of them while nothing says where the view ends.
+        """
         if self._surface is None or self._velocity is None:
-            return np.zeros(len(offsets), bool)
+            return np.ones(len(offsets), bool)
         radius_m, way = self.options.landing_radius_m, self._velocity[:2] * _KNOWN_IN_S
         now = discs_in_view(self._camera, *self._surface, offsets, radius_m, SUPPORT / 2)
         return now & discs_in_view(self._camera, *self._surface, offsets + way, radius_m, SUPPORT / 2)

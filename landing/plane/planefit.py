@@ -7,7 +7,7 @@ old_from_new and d its small error, which has a prior. The paper's Eqs. 7 and 8 
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -30,6 +30,7 @@ _SHARE = 1 - _TRUNCATION * math.exp(-_TRUNCATION) / (1 - math.exp(-_TRUNCATION))
 _SCALE_ROUNDS, _SCALE_SETTLED = 4, 0.01
 
 PARAMETERS = 8
+_NO_LENS: Array = np.zeros((PARAMETERS, 0))
 """t (3), a, b, d (3): the order of ``PlaneFit.covariance``."""
 _ELEMENTS = 9
 _TURNS = np.stack([skew(axis) for axis in np.eye(3)])
@@ -86,7 +87,7 @@ class PlaneFit:
     converged: bool
     prior: FitPrior
     sensitivity: Sensitivity | None = None
-    lens: Array = field(default_factory=lambda: np.zeros((PARAMETERS, 0)))
+    lens: Array = _NO_LENS
     """How the parameters change (8, k) with each of k errors of the lens."""
 
     @property
@@ -182,7 +183,7 @@ def fit_plane(
         converged,
         prior,
         None if moves is None else problem.sensitivity(x, weight, noise, *moves),
-        *(() if lens_moves is None else (covariance @ problem.lens_gradient(x, weight, noise, *lens_moves),)),
+        _NO_LENS if lens_moves is None else covariance @ problem.lens_gradient(x, weight, noise, *lens_moves),
     )
 
 

@@ -2,6 +2,8 @@
 
 import math
 
+from drivers.quaternions import angles_of
+
 Quaternion = tuple[float, float, float, float]
 Vector = tuple[float, float, float]
 
@@ -53,13 +55,7 @@ def from_euler(roll: float, pitch: float, yaw: float) -> Quaternion:
 
 def to_euler(q: Quaternion) -> Vector:
     """Roll, pitch, yaw of ned_from_body."""
-    w, x, y, z = q
-    sine = min(1.0, max(-1.0, 2 * (w * y - z * x)))
-    return (
-        math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
-        math.asin(sine),
-        math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
-    )
+    return angles_of(*q)
 
 
 def to_matrix(q: Quaternion) -> tuple[Vector, Vector, Vector]:

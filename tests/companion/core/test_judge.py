@@ -4,6 +4,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import pytest
+from estimates import FLAT
 
 from companion.core.health import Clocks, HealthMonitor
 from companion.core.judge import Judge, LandRequest
@@ -19,21 +20,8 @@ from drivers.samples import (
     Refusal,
     Velocity,
 )
-from landing.estimate import SurfaceEstimate
 
 START_US = 1_000_000_000
-FLAT = SurfaceEstimate(
-    0,
-    0.0,
-    "ok",
-    "map",
-    inclination_deg=1.0,
-    inclination_std_deg=0.1,
-    roughness=0.001,
-    roughness_std=0.0001,
-    coverage=1.0,
-    flat=True,
-)
 STEEP = replace(FLAT, inclination_deg=30.0, flat=False)
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from estimates import FLAT
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -11,22 +12,9 @@ from companion.core.judge import Judge, LandRequest
 from companion.messages.messages import Event
 from companion.settings.settings import LandingSettings, Settings
 from drivers.samples import Attitude, CommandAnswer, Frame, Heartbeat, LandedState, RcChannels, StatusText
-from landing.estimate import SurfaceEstimate
 from landing.options import DecisionOptions
 
 SWITCH = 5
-FLAT = SurfaceEstimate(
-    0,
-    0.0,
-    "ok",
-    "map",
-    inclination_deg=1.0,
-    inclination_std_deg=0.1,
-    roughness=0.001,
-    roughness_std=0.0001,
-    coverage=1.0,
-    flat=True,
-)
 FAILSAFE = (5, 6, 8)
 ACTS = st.one_of(
     st.tuples(st.just("radio"), st.sampled_from([1000, 1900, 0])),

@@ -4,14 +4,13 @@ The ground is made up (all of it landable, seen perfectly); decision, permission
 are the real ones. Judged by the order of messages and by the vehicle's own time.
 """
 
-import queue
-import threading
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from estimates import FLAT
+from live_rig import LiveRig
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.core.approach import Approach, Ordered
@@ -21,15 +20,13 @@ from companion.live.commander import Commander
 from companion.live.steering import Steering
 from companion.messages.messages import Decision, Event
 from companion.settings.link_options import link_options
-from companion.settings.settings import LandingSettings, MavlinkSettings, Settings, VehicleSettings
+from companion.settings.settings import LandingSettings, Settings, VehicleSettings
 from drivers.mavlink.link import Link
 from drivers.samples import Frame, Sample, Velocity
-from drivers.simulated.vehicle.autopilot import SimulatedAutopilot
 from drivers.simulated.vehicle.firmware import Firmware
 from drivers.simulated.vehicle.vehicle import Multirotor
 from drivers.system.host_clock import now_us
 from landing.decision.orders import OrderKind
-from landing.estimate import SurfaceEstimate
 from landing.ground.ground import Sight
 from landing.ground.spots import LANDABLE, Disc, Spot
 from landing.reasons import Status
@@ -37,20 +34,7 @@ from landing.vision.camera import CameraModel
 
 SET_MODE, LAND = mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_NAV_LAND
 SETPOINT = mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED.to_bytes(3, "little")
-SEEN = SurfaceEstimate(
-    0,
-    0.0,
-    "ok",
-    "map",
-    inclination_deg=1.0,
-    inclination_std_deg=0.1,
-    roughness=0.001,
-    roughness_std=0.0001,
-    coverage=1.0,
-    flat=False,
-)
 SWITCH = 7
-PATIENCE_S = 25.0
 CAMERA = CameraModel(
     320, 240, np.array([[200.0, 0, 160], [0, 200.0, 120], [0, 0, 1]]), np.zeros(5), np.eye(3)
 )
@@ -76,16 +60,11 @@ class PerfectGround:
         return Disc(LANDABLE, (), 0.5, 0.1, 0.0, 1.0)
 
 
-class Flight:
+class Flight(LiveRig):
     """The daemon from the link to the orders, with frames and ground that the test chooses."""
 
     def __init__(self, firmware: Firmware, mode: str, **landing: object) -> None:
-        vehicle = Multirotor()
-        vehicle.place(0.0, 0.0, height=5.0)
-        self.autopilot = SimulatedAutopilot("udpin:127.0.0.1:0", vehicle)
-        self.controller = self.autopilot.controller
-        self.controller.firmware = firmware
-        self.controller.start_airborne(mode)
+        super().__init__(firmware, mode, 5.0)
         named = {"LOITER": "POSCTL" if firmware.px4 else "LOITER"}.get(mode, mode)
         options = {
             "procedure": "offboard",
@@ -94,17 +73,15 @@ class Flight:
         } | landing
         self.settings = Settings(
             vehicle=VehicleSettings(system_id=1, max_search_m=8.0),
-            mavlink=MavlinkSettings(connection=f"udpout:127.0.0.1:{self.autopilot.port}"),
+            mavlink=self.mavlink,
             landing=LandingSettings(**options),
         )
         self.frames, self.status, self.flat = True, Status.OK, False
-        self.ground = PerfectGround(vehicle)
-        self.state, self.why, self.given_back, self.events = "", "", "", []
-        self.codes: tuple[str, ...] = ()
+        self._frames_seen = 0
+        self.ground = PerfectGround(self.vehicle)
+        self.state, self.why, self.given_back = "", "", ""
         self.log: list[str] = []
-        self._samples: queue.SimpleQueue[Sample] = queue.SimpleQueue()
-        put = lambda samples: [self._samples.put(s) for s in samples]  # noqa: E731
-        self.link = Link(link_options(self.settings), put, on_frame=self._frame)
+        self.link = Link(link_options(self.settings), self.put, on_frame=self._frame)
         saw = self.link.gate.saw
 
         def heard(sample: Sample) -> None:
@@ -114,36 +91,19 @@ class Flight:
 
         self.link.gate.saw = heard
         on_target = self.settings.landing.procedure == "landing_target"
-        self._commander = Commander(self.link, put, on_target=on_target)
-        self._steering = Steering(self.settings, self.link, self._commander)
+        self.commander = Commander(self.link, self.put, on_target=on_target)
+        self._steering = Steering(self.settings, self.link, self.commander)
         self._health = HealthMonitor(self.settings.health, True)
-        self._judge = Judge(
+        self.judge = Judge(
             self.settings,
             self._health,
             by_pilot=True,
             approach=lambda consent: Approach(self.settings, CAMERA, self.ground, consent),
         )
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self.autopilot.start()
-        self.link.start()
-        self._commander.start()
-        self._thread.start()
-        self.wait(lambda: self._commander.connected and self.state, "MAVSDK and a decision")
+        self.start(lambda: self.state)
 
-    def close(self) -> None:
-        self._stop.set()
-        self._thread.join(timeout=5)
-        self._commander.close()
-        self.link.close()
-        self.autopilot.stop()
-
-    def wait(self, condition: Callable[[], object], what: str) -> None:
-        deadline = time.monotonic() + PATIENCE_S
-        while not condition():
-            where = self.state, self.why, self.controller.mode, self.events[-5:]
-            assert time.monotonic() < deadline, f"no {what}: {where}"
-            time.sleep(0.01)
+    def where(self) -> object:
+        return self.state, self.why, self.controller.mode, self.events[-5:]
 
     def flying(self) -> None:
         """The pilot permits it; it takes over and is on its way."""
@@ -171,9 +131,6 @@ class Flight:
         if holds:
             assert self.controller.mode == "BRAKE"
 
-    def orders(self, command: int) -> int:
-        return len([c for c in self.autopilot.commands if c.command == command])
-
     def _ended(self) -> None:
         if "ended" not in self.log:
             self.log.append("ended")
@@ -182,44 +139,41 @@ class Flight:
         if frame[7:10] == SETPOINT:
             self.log.append("setpoint")
 
-    def _run(self) -> None:
-        frame = 0
-        while not self._stop.wait(0.03):
-            now = now_us()
-            out: list[object] = []
-            samples = []
-            while not self._samples.empty():
-                samples.append(self._samples.get())
-            self._steering.feed(samples)
-            for sample in samples:
-                self._health.count(sample, now)
-                if isinstance(sample, Followed):
-                    out += self._judge.follow(sample, now, now)
-                elif isinstance(sample, Velocity):
-                    self._judge.locate(sample.position_ned, now)
-                out += self._judge.watch(now, now, now * 1e-6)
-            if self.frames:
-                frame += 1
-                self._health.count(Frame(frame, now, now, None), now)
-                seen = replace(SEEN, frame=frame, time_s=now * 1e-6, status=self.status, flat=self.flat)
-                out += self._judge.see(seen, now, now, 0.0)
-            for each in out:
-                if isinstance(each, Ordered):
-                    self._steering.carry_out(each.order, each.time_unix_us)
-                    if each.order.kind in (OrderKind.NONE, OrderKind.STOP):
-                        self._ended()
-                elif isinstance(each, LandRequest):
-                    self._commander.request(each)
-                elif isinstance(each, Event):
-                    self.events.append(each.event)
-                elif isinstance(each, Decision):
-                    if getattr(each.procedure, "state", "") == "give_back":
-                        self.given_back = self.given_back or each.procedure.code
-                    self.codes = each.withheld_codes
-                    self.state, self.why = (
-                        getattr(each.procedure, "state", "none"),
-                        getattr(each.procedure, "code", ""),
-                    )
+    def step(self, samples: list[Sample]) -> None:
+        now = now_us()
+        out: list[object] = []
+        self._steering.feed(samples)
+        for sample in samples:
+            self._health.count(sample, now)
+            if isinstance(sample, Followed):
+                out += self.judge.follow(sample, now, now)
+            elif isinstance(sample, Velocity):
+                self.judge.locate(sample.position_ned, now)
+            out += self.judge.watch(now, now, now * 1e-6)
+        if self.frames:
+            self._frames_seen += 1
+            self._health.count(Frame(self._frames_seen, now, now, None), now)
+            seen = replace(
+                FLAT, frame=self._frames_seen, time_s=now * 1e-6, status=self.status, flat=self.flat
+            )
+            out += self.judge.see(seen, now, now, 0.0)
+        for each in out:
+            if isinstance(each, Ordered):
+                self._steering.carry_out(each.order, each.time_unix_us)
+                if each.order.kind in (OrderKind.NONE, OrderKind.STOP):
+                    self._ended()
+            elif isinstance(each, LandRequest):
+                self.commander.request(each)
+            elif isinstance(each, Event):
+                self.events.append(each.event)
+            elif isinstance(each, Decision):
+                if getattr(each.procedure, "state", "") == "give_back":
+                    self.given_back = self.given_back or each.procedure.code
+                self.codes = each.withheld_codes
+                self.state, self.why = (
+                    getattr(each.procedure, "state", "none"),
+                    getattr(each.procedure, "code", ""),
+                )
 
 
 @pytest.fixture
@@ -315,7 +269,7 @@ def test_without_an_end_it_goes_to_the_place_and_hands_over(fly) -> None:
 def test_the_daemons_end_gives_back(fly) -> None:
     flight = fly()
     flight.flying()
-    assert flight._commander.close()
+    assert flight.commander.close()
     flight.wait(lambda: flight.controller.mode == "BRAKE", "hold")
     flight.log.clear()
     until_s = flight.autopilot.time_s + 0.5

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from estimates import FLAT
 from monitor_support import decision
 from places import REPOSITORY
 
@@ -29,21 +30,8 @@ from companion.settings.settings import (
 )
 from drivers.refusals import RefusalCode
 from drivers.samples import Attitude, Frame, Heartbeat, Imu, LandedState, RcChannels, Refusal, Velocity
-from landing.estimate import SurfaceEstimate
 
 S = 1_000_000
-FLAT = SurfaceEstimate(
-    0,
-    0.0,
-    "ok",
-    "map",
-    inclination_deg=1.0,
-    inclination_std_deg=0.1,
-    roughness=0.001,
-    roughness_std=0.0001,
-    coverage=1.0,
-    flat=True,
-)
 
 
 def judged(*, calibrated: bool = True, standing: tuple[Condition, ...] = ()) -> tuple[list, HealthMonitor]:

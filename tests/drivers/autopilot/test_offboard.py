@@ -17,11 +17,13 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from drivers.autopilot.autopilot import Autopilot
 from drivers.autopilot.landing_target import LandingTarget
+from drivers.commands import CONTROL_MODES
 from drivers.mavlink.link import Link, LinkOptions
 from drivers.samples import Sample
 from drivers.simulated.vehicle.autopilot import SimulatedAutopilot
 from drivers.simulated.vehicle.firmware import Firmware
 from drivers.simulated.vehicle.vehicle import Multirotor
+from landing.decision.procedure_options import OUR_MODES
 
 PATIENCE_S = 20.0
 SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
@@ -277,3 +279,7 @@ def test_where_precision_landing_is_refused_it_lands_where_it_is(bench) -> None:
     b = bench(Firmware("px4", refused=("PRECLAND",)), "LOITER")
     assert b.autopilot.land_on_target("POSCTL").result == "ACCEPTED"
     b.wait(lambda: b.controller.mode == "LAND", "landing")
+
+
+def test_drivers_and_procedure_mean_the_same_modes_by_following_setpoints() -> None:
+    assert CONTROL_MODES == OUR_MODES

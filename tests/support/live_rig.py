@@ -1,0 +1,83 @@
+"""A simulated autopilot, the link to it, MAVSDK and a judge in a thread of its own; what is seen is the test's."""
+
+import queue
+import threading
+import time
+from collections.abc import Callable, Sequence
+
+from companion.core.judge import Judge
+from companion.live.commander import Commander
+from companion.settings.settings import MavlinkSettings
+from drivers.mavlink.link import Link
+from drivers.samples import Sample
+from drivers.simulated.vehicle.autopilot import SimulatedAutopilot
+from drivers.simulated.vehicle.firmware import Firmware
+from drivers.simulated.vehicle.vehicle import Multirotor
+
+PATIENCE_S = 25.0
+STEP_S = 0.03
+
+
+class LiveRig:
+    """``step`` is called some thirty times a second with what the link gave; ``where`` says how far a test has come."""
+
+    link: Link
+    commander: Commander
+    judge: Judge
+
+    def __init__(self, firmware: Firmware, mode: str, height_m: float) -> None:
+        self.vehicle = Multirotor()
+        self.vehicle.place(0.0, 0.0, height=height_m)
+        self.autopilot = SimulatedAutopilot("udpin:127.0.0.1:0", self.vehicle)
+        self.controller = self.autopilot.controller
+        self.controller.firmware = firmware
+        self.controller.start_airborne(mode)
+        self.mavlink = MavlinkSettings(connection=f"udpout:127.0.0.1:{self.autopilot.port}")
+        self.codes: tuple[str, ...] = ()
+        self.events: list[str] = []
+        self._samples: queue.SimpleQueue[Sample] = queue.SimpleQueue()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def put(self, samples: Sequence[Sample]) -> None:
+        """Where the link's samples and the commander's answers go."""
+        for sample in samples:
+            self._samples.put(sample)
+
+    def start(self, ready: Callable[[], object]) -> None:
+        """Start everything, and wait for MAVSDK and for what the test needs."""
+        self.autopilot.start()
+        self.link.start()
+        self.commander.start()
+        self._thread.start()
+        self.wait(lambda: self.commander.connected and ready(), "MAVSDK and a decision")
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join(timeout=5)
+        self.commander.close()
+        self.link.close()
+        self.autopilot.stop()
+
+    def wait(self, condition: Callable[[], object], what: str) -> None:
+        deadline = time.monotonic() + PATIENCE_S
+        while not condition():
+            assert time.monotonic() < deadline, f"no {what}: {self.where()}"
+            time.sleep(0.01)
+
+    def orders(self, command: int) -> int:
+        """How often the autopilot was sent a command."""
+        return len([c for c in self.autopilot.commands if c.command == command])
+
+    def where(self) -> object:
+        raise NotImplementedError
+
+    def step(self, samples: list[Sample]) -> None:
+        raise NotImplementedError
+
+    def _run(self) -> None:
+        while not self._stop.wait(STEP_S):
+            samples = []
+            while not self._samples.empty():
+                samples.append(self._samples.get())
+            self.step(samples)
