@@ -144,11 +144,11 @@ class Inputs:
 
     ``objections`` stand against a landing now; ``mode`` is the flight mode, None while it is not heard. ``quiet``:
     the autopilot is busy with a failsafe or is not heard, so nothing may be said to it; ``landing``: it lands at our
-    request. ``place_ned`` is the vehicle by the visual motion, ``local_ned`` by the autopilot, in the autopilot's axes;
-    ``velocity_ned`` by the visual motion where that is in metres, else by the autopilot. ``height_m`` is over the
-    ground straight below, ``approach`` the sink over it by the view, 1/s (half of an estimate's divergence). ``spots``
-    are landable discs, best first, from the vehicle; None: not asked for at this frame. ``below`` and ``at_spot`` are the
-    discs straight below and about the chosen place.
+    request. ``place_ned`` is the vehicle by the visual motion, ``local_ned`` by the autopilot, in the autopilot's
+    axes; ``velocity_ned`` by the visual motion where that is in metres, else by the autopilot. ``height_m`` is over
+    the ground straight below, ``approach`` the sink over it by the view, 1/s (half of an estimate's divergence).
+    ``spots`` are landable discs, best first, from the vehicle; None: not asked for at this frame. ``below`` and
+    ``at_spot`` are the discs straight below and about the chosen place.
     """
 
     time_s: float
