@@ -7,7 +7,7 @@ old_from_new and d its small error, which has a prior. The paper's Eqs. 7 and 8 
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -87,7 +87,7 @@ class PlaneFit:
     converged: bool
     prior: FitPrior
     sensitivity: Sensitivity | None = None
-    lens: Array = _NO_LENS
+    lens: Array = field(default_factory=lambda: _NO_LENS)
     """How the parameters change (8, k) with each of k errors of the lens."""
 
     @property

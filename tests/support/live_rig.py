@@ -1,9 +1,14 @@
-"""A simulated autopilot, the link to it, MAVSDK and a judge in a thread of its own; what is seen is the test's."""
+"""A simulated autopilot, the link to it, MAVSDK and a judge in a thread of its own; what is seen is the test's.
+
+The companion's clock is the rig's: it goes on by what has passed since the last step, and by no more than MOST_S, so
+that a machine that is busy elsewhere makes no input old.
+"""
 
 import queue
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 
 from companion.core.judge import Judge
 from companion.live.commander import Commander
@@ -13,9 +18,10 @@ from drivers.samples import Sample
 from drivers.simulated.vehicle.autopilot import SimulatedAutopilot
 from drivers.simulated.vehicle.firmware import Firmware
 from drivers.simulated.vehicle.vehicle import Multirotor
+from drivers.system import host_clock
 
 PATIENCE_S = 25.0
-STEP_S = 0.03
+STEP_S, MOST_S = 0.03, 0.1
 
 
 class LiveRig:
@@ -37,6 +43,9 @@ class LiveRig:
         self.events: list[str] = []
         self._samples: queue.SimpleQueue[Sample] = queue.SimpleQueue()
         self._stop = threading.Event()
+        self._clock_us = host_clock.now_us()
+        self._driven = ExitStack()
+        self._driven.enter_context(host_clock.driven(lambda: self._clock_us))
         self._thread = threading.Thread(target=self._run, daemon=True)
 
     def put(self, samples: Sequence[Sample]) -> None:
@@ -58,6 +67,7 @@ class LiveRig:
         self.commander.close()
         self.link.close()
         self.autopilot.stop()
+        self._driven.close()
 
     def wait(self, condition: Callable[[], object], what: str) -> None:
         deadline = time.monotonic() + PATIENCE_S
@@ -76,7 +86,11 @@ class LiveRig:
         raise NotImplementedError
 
     def _run(self) -> None:
+        before_s = time.monotonic()
         while not self._stop.wait(STEP_S):
+            now_s = time.monotonic()
+            self._clock_us += round(min(now_s - before_s, MOST_S) * 1e6)
+            before_s = now_s
             samples = []
             while not self._samples.empty():
                 samples.append(self._samples.get())
