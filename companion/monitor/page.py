@@ -139,7 +139,7 @@ class Page:
             self._preview_words = label("small", "preview")
         with card("Ground from above") as self._ground_card:
             self._ground = ui.html("", sanitize=False).props("id=ground")
-            ui.label("Green landable, red hazard, grey unknown; dashed: where it would come down.").classes(
+            ui.label("Green landable, orange measured but not landable, red disputed, grey unknown; dashed: where it would come down.").classes(
                 "small"
             )
         with card("Permission and command") as permission:

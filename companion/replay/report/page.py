@@ -104,8 +104,9 @@ def _video(video: bytes) -> str:
         '<section class="card"><h2>Video</h2>'
         '<video id="video" controls muted playsinline preload="auto" aria-label="camera with tracks and verdict"'
         f' src="data:video/webm;base64,{source}"></video>'
-        '<p class="note">Points on the plane are green, lower ones blue, higher ones red; orange ones fit no plane. The '
-        "grid is the measured surface, the circle the disc straight below in the colour of the ground map's verdict.</p>"
+        '<p class="note">Points on the plane are green, lower ones blue, higher ones red; orange ones fit no '
+        "plane. The grid is the measured surface, the circle the disc straight below in the colour of the ground "
+        "map's verdict.</p>"
         '<p id="cursor" class="cursor" aria-live="off"></p></section>'
     )
 
