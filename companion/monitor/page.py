@@ -29,6 +29,7 @@ CHART_PERIOD_S = 1.0
 FLEET_PERIOD_S = 0.5
 MOST_CARDS = 60
 MOST_EVENTS = 7
+GROUND_LEGEND = "Green landable, orange measured but not landable, red disputed, grey unknown; dashed: where it would come down."
 FIGURES = (
     ("height_m", "height over the surface"),
     ("time_to_contact_s", "time to contact"),
@@ -139,9 +140,7 @@ class Page:
             self._preview_words = label("small", "preview")
         with card("Ground from above") as self._ground_card:
             self._ground = ui.html("", sanitize=False).props("id=ground")
-            ui.label("Green landable, orange measured but not landable, red disputed, grey unknown; dashed: where it would come down.").classes(
-                "small"
-            )
+            ui.label(GROUND_LEGEND).classes("small")
         with card("Permission and command") as permission:
             ui.label("permission to land").classes("label")
             self._permission = label("words", "permission")
