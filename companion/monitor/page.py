@@ -29,7 +29,9 @@ CHART_PERIOD_S = 1.0
 FLEET_PERIOD_S = 0.5
 MOST_CARDS = 60
 MOST_EVENTS = 7
-GROUND_LEGEND = "Green landable, orange measured but not landable, red disputed, grey unknown; dashed: where it would come down."
+GROUND_LEGEND = (
+    "Green landable, orange measured, red disputed, grey unknown; dashed: where it would come down."
+)
 FIGURES = (
     ("height_m", "height over the surface"),
     ("time_to_contact_s", "time to contact"),
