@@ -193,7 +193,7 @@ class Procedure:
         return STILL
 
     def _look(self, i: Inputs) -> Vector:
-        """Back and forth across the heading."""
+        """Back and forth across the heading, within the reach of the search."""
         known = math.isfinite(i.height_m)
         self._choice.step(i, self._origin)
         told = self._choice.spot_ned is not None or i.below.verdict != UNKNOWN
@@ -205,7 +205,10 @@ class Procedure:
         yaw = i.yaw if math.isfinite(i.yaw) else 0.0
         north, east = -math.sin(yaw), math.cos(yaw)
         off = (i.place_ned[0] - self._look_from[0]) * north + (i.place_ned[1] - self._look_from[1]) * east
-        if off * self._side > LOOK_RADIUS_M:
+        out_north, out_east = i.place_ned[0] - self._origin[0], i.place_ned[1] - self._origin[1]
+        far = math.hypot(out_north, out_east) > self.options.max_search_m - LOOK_RADIUS_M
+        outwards = (out_north * north + out_east * east) * self._side > 0
+        if off * self._side > LOOK_RADIUS_M or (far and outwards):
             self._side = -self._side
         speed = self._side * self._speed(i)
         return speed * north, speed * east, -climb

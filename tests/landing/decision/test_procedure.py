@@ -161,6 +161,20 @@ def test_it_looks_sideways_within_its_radius_until_the_ground_is_known():
     assert seen.time_s > LOOK_LEAST_S
 
 
+def test_after_a_place_far_out_turned_out_unfit_it_looks_within_the_reach_of_the_search():
+    flight = Flight(spot=(0.0, 2.6), options=replace(OPTIONS, max_search_m=3.0))
+    flight.until(State.DESCEND)
+    flight.spot = None
+    flight.until(State.HOLD, at_spot=BAD)
+    flight.until(State.LOOK, below=DARK)
+    begun, farthest = flight.place[1], 0.0
+    while flight.step(below=DARK).state is State.LOOK:
+        farthest = max(farthest, math.hypot(*flight.place[:2]))
+    assert begun > 2.0
+    assert farthest < begun + 0.5
+    assert flight.machine.why is Why.LOOKED_IN_VAIN
+
+
 def test_too_low_to_see_a_disc_it_climbs():
     flight = Flight(spot=None)
     flight.place[2] = -0.8
