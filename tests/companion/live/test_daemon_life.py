@@ -25,7 +25,7 @@ from drivers.errors import DriverError
     ],
 )
 def test_a_refused_or_unanswered_command_is_told_and_not_repeated(tmp_path, answer, event, word) -> None:
-    with DaemonBench(tmp_path, (0.0, 5.0), answer=answer) as bench:
+    with DaemonBench(tmp_path, (0.0, 6.5), answer=answer) as bench:
         bench.play_to_end()
         (ended,) = bench.events(event)
         assert word in ended["text"]
@@ -50,7 +50,7 @@ def test_a_request_that_hung_is_not_sent(tmp_path, monkeypatch) -> None:
 
 def test_stopping_lets_a_command_get_its_answer(tmp_path) -> None:
     answer = ((0.0, vs.dialect.MAV_RESULT_IN_PROGRESS), (1.5, vs.dialect.MAV_RESULT_ACCEPTED))
-    with DaemonBench(tmp_path, (0.0, 5.0), answer=answer) as bench:
+    with DaemonBench(tmp_path, (0.0, 6.5), answer=answer) as bench:
         bench.play()
         wait_for(bench.vehicle.land_commands, "command")
         bench.daemon.stop()
@@ -123,7 +123,7 @@ def test_a_second_daemon_for_the_same_vehicle_says_so(tmp_path) -> None:
 
 def test_camera_and_autopilot_may_come_in_any_order(tmp_path) -> None:
     camera_late = edits.unplugged(During(-9.0, 1.5))
-    with DaemonBench(tmp_path, (0.0, 4.0), edit_frames=camera_late) as bench:
+    with DaemonBench(tmp_path, (0.0, 5.5), edit_frames=camera_late) as bench:
         bench.play_to_end()
         assert len(bench.vehicle.land_commands()) == 1
         first = min(bench.at_s(e) for e in bench.of("estimate") if e["status"] != "starting")
@@ -161,7 +161,7 @@ def test_router_absent_at_the_start_gone_and_back(tmp_path) -> None:
 
 
 def test_a_subscriber_that_never_reads_holds_nothing_up(tmp_path) -> None:
-    with DaemonBench(tmp_path, (0.0, 4.0)) as bench:
+    with DaemonBench(tmp_path, (0.0, 5.5)) as bench:
         blocked = threading.Event()
         session = open_session(bench.endpoints)
         session.declare_subscriber("landslope/**", lambda sample: blocked.wait(60))
@@ -174,7 +174,7 @@ def test_a_subscriber_that_never_reads_holds_nothing_up(tmp_path) -> None:
 
 def test_setting_the_wall_clock_changes_nothing(tmp_path, monkeypatch) -> None:
     true_time, true_time_ns = time.time, time.time_ns
-    with DaemonBench(tmp_path, (0.0, 4.0)) as bench:
+    with DaemonBench(tmp_path, (0.0, 5.5)) as bench:
         bench.play()
         wait_for(lambda: bench.of("estimate"), "estimate")
         monkeypatch.setattr(time, "time", lambda: true_time() - 86400)

@@ -25,7 +25,7 @@ def test_every_frame_is_accounted_for(tmp_path) -> None:
             return image, -90_000
         return image[:120, :160] if at == 20 else image
 
-    with DaemonBench(tmp_path, (0.0, 4.0), edit_frames=edit) as bench:
+    with DaemonBench(tmp_path, (0.0, 5.5), edit_frames=edit) as bench:
         bench.play_to_end(then_s=1.2)
         counters = bench.counters()
         assert counters["camera refused: backward_stamp"] == 1
@@ -40,7 +40,7 @@ def test_every_frame_is_accounted_for(tmp_path) -> None:
 def test_junk_on_the_link_is_counted_and_changes_nothing(tmp_path) -> None:
     """Garbage, wrong checksums, foreign systems, an impostor, NaN, and answers to others' commands, all the time."""
     nan = edits.not_finite(During(1.5, 1.55))
-    with DaemonBench(tmp_path, (0.0, 4.0), edit_telemetry=nan) as bench:
+    with DaemonBench(tmp_path, (0.0, 5.5), edit_telemetry=nan) as bench:
         stop = threading.Event()
         sent: Counter[str] = Counter()
 
@@ -83,7 +83,7 @@ def test_junk_on_the_link_is_counted_and_changes_nothing(tmp_path) -> None:
 
 def test_pilot_switches_landing_on_and_off_by_radio(tmp_path) -> None:
     settings = ("landing.enabled=false", "landing.enable_rc_channel=8")
-    with DaemonBench(tmp_path, (0.0, 5.0), settings=settings) as bench:
+    with DaemonBench(tmp_path, (0.0, 6.5), settings=settings) as bench:
         bench.play()
 
         def radio(switch_us: int, until_s: float) -> None:
