@@ -28,7 +28,7 @@ from companion.simulation.scenario import (
     read_scenario,
     to_toml,
 )
-from companion.simulation.shares import Share, wilson
+from companion.simulation.counting.shares import Share, wilson
 from companion.simulation.simulation import LiveOptions, fly_live
 from drivers.files.flight_folder import FlightFolder
 from drivers.samples import Frame
