@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from companion.simulation.classes import CONTROL, scenario_of, seeds_of
+from companion.simulation.counting.shares import Share, wilson
 from companion.simulation.flight_result import FlightResult
 from companion.simulation.ground import unsafe
 from companion.simulation.lockstep import LockstepOptions, fly
 from companion.simulation.procedure_count import outcome, words
 from companion.simulation.scenario import Scenario, to_toml
-from companion.simulation.counting.shares import Share, wilson
 from drivers.system.workers import worker_pool
 
 TRUTH_EVERY = 5
@@ -246,12 +246,12 @@ def fly_one(seed: int, config: Path | None = None, overrides: Sequence[str] = ()
     limit_deg, lands = settings.decision.max_inclination_deg, settings.landing.procedure == "land"
     options = LockstepOptions(truth_every=TRUTH_EVERY if lands else 0, stop_at_request=True)
     result = fly(scenario, config, overrides, options)
-    run = judge(scenario, result, limit_deg)
+    run = classify(scenario, result, limit_deg)
     procedure = outcome(scenario, result)
     return run if procedure is None else replace(run, **asdict(procedure))
 
 
-def judge(scenario: Scenario, result: FlightResult, max_inclination_deg: float) -> Run:
+def classify(scenario: Scenario, result: FlightResult, max_inclination_deg: float) -> Run:
     """What a flight of a random scenario amounts to."""
     request = result.requests[0] if result.requests else None
     below = result.touch_ground or (request.below if request else None)

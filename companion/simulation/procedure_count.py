@@ -10,11 +10,11 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.simulation.counting.shares import Share
 from companion.simulation.flight_result import FlightResult
 from companion.simulation.ground import SLOPE_MARGIN_DEG, unsafe
 from companion.simulation.procedure_figures import flown
 from companion.simulation.scenario import Scenario
-from companion.simulation.counting.shares import Share
 from drivers.simulated.world.world import World
 from landing.decision.orders import State
 
