@@ -82,7 +82,9 @@ def _guided(
     moved = _moved(views, gaps, normal, weight, noise, rotation_std, o)
     if moved is None:
         return None
-    told = VehicleVelocity(*change, o.guided_velocity_std, views.newest.velocity_noise)
+    told = VehicleVelocity(
+        *change, o.guided_velocity_std * views.newest.velocity_factor, views.newest.velocity_noise
+    )
     # the whole way over the longest gap, in heights and in metres
     way = told.detour[-1] - told.velocity * moved.tau[-1]
     square = float(np.dot(way, way))
