@@ -18,7 +18,8 @@ class Observation:
     ``velocity_age_s`` from the exposure; ``velocity_noise`` is the part of its error that changes from frame to
     frame, one sigma of an axis in m/s, and ``velocity_factor`` its slow part over the one that is assumed.
     ``turn_rate`` is (3,) rad/s about the body's axes; ``late_s`` the lateness of the stamps, beyond the one that is
-    set, that all of this allows for.
+    set, that all of this allows for; ``delay_s`` goes from the exposure to the stamp in all: how far the vehicle has
+    flown on since matters to where it comes down.
     """
 
     frame: int
@@ -34,3 +35,4 @@ class Observation:
     tilt_std_rad: float = 0.0
     turn_rate: NDArray[np.float64] | None = None
     late_s: float = 0.0
+    delay_s: float = 0.0

@@ -46,7 +46,7 @@ def observation_of(ready: ReadyFrame) -> Observation:
     """What the pipeline is given for a frame."""
     frame, attitude, time_s = ready.frame, ready.attitude, ready.time_us * 1e-6
     if not isinstance(attitude, BodyAttitude):
-        return Observation(frame.number, time_s, frame.image, late_s=ready.late_s)
+        return Observation(frame.number, time_s, frame.image, late_s=ready.late_s, delay_s=ready.delay_s)
     rotation, std = attitude.ned_from_body, attitude.rotation_std
     return Observation(
         frame.number,
@@ -62,6 +62,7 @@ def observation_of(ready: ReadyFrame) -> Observation:
         tilt_std_rad=math.hypot(attitude.tilt_std, ready.doubt.tilt_std),
         turn_rate=attitude.turn_rate,
         late_s=ready.late_s,
+        delay_s=ready.delay_s,
     )
 
 
@@ -307,8 +308,10 @@ class Core:
         if clock.settled:
             found = self._pipeline.time_offset
             offset_s = clock.offset_us(clock.boot_us(now_us)) * 1e-6
-            out += self._times.step(now_us * 1e-6, self._frame_number, raw_us)
-            clocks = Clocks(offset_s, clock.std_s, found.late_s, found.std_s, *self._times.readout)
+            contradicted = bool(self._pipeline.contradictions.failing)
+            out += self._times.step(now_us * 1e-6, self._frame_number, raw_us, contradicted)
+            late_std_s = None if found.at_bound else found.std_s
+            clocks = Clocks(offset_s, clock.std_s, found.late_s, late_std_s, *self._times.readout)
         out.append(self._health.message(now_us, raw_us, clocks))
 
 

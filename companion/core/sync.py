@@ -46,6 +46,11 @@ class ReadyFrame:
     late_s: float
     doubt: Doubt = NO_DOUBT
 
+    @property
+    def delay_s(self) -> float:
+        """From the exposure to the frame's stamp: what is set and what was found."""
+        return (self.frame.stamp_us - self.exposure_us) * 1e-6 + self.late_s
+
 
 @dataclass(frozen=True, slots=True)
 class Notice:
