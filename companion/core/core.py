@@ -7,6 +7,7 @@ from companion.core.approach import Approach, Ordered
 from companion.core.attitude import BodyAttitude
 from companion.core.camera_times import CameraTimes
 from companion.core.decision_logic import DecisionLogic, Followed, LandRequest
+from companion.core.estimator_doubt import ASSUMED_VELOCITY_STD
 from companion.core.frozen_camera import FrozenCamera
 from companion.core.ground import GroundReporter
 from companion.core.health import Clocks, HealthMonitor
@@ -56,7 +57,9 @@ def observation_of(ready: ReadyFrame) -> Observation:
         ready.velocity_ned,
         velocity_age_s=ready.velocity_age_s,
         velocity_noise=ready.velocity_noise,
-        tilt_std_rad=attitude.tilt_std,
+        velocity_std=ASSUMED_VELOCITY_STD * ready.doubt.velocity_factor,
+        velocity_factor=ready.doubt.velocity_factor,
+        tilt_std_rad=math.hypot(attitude.tilt_std, ready.doubt.tilt_std),
         turn_rate=attitude.turn_rate,
         late_s=ready.late_s,
         delay_s=ready.delay_s,
@@ -292,6 +295,8 @@ class Core:
 
     def _report_health(self, out: list[Output]) -> None:
         now_us, raw_us, clock = self._sync.now_us, self._sync.raw_us(), self._sync.clock
+        doubt = self._sync.doubt.at(now_us)
+        self._health.velocity_unknown, self._health.tilt_unaided = not doubt.velocity_known, doubt.unaided
         stale = frozenset(self._health.stale(now_us)) if self._health.telemetry else frozenset()
         for name in sorted(stale ^ self._stale):
             kind, what = ("input_stale", "stopped") if name in stale else ("input_back", "back")

@@ -66,6 +66,8 @@ SHORT_CONDITIONS = {
     ConditionCode.ROTATION_CONTRADICTS: "picture and gyro disagree",
     ConditionCode.VELOCITY_CONTRADICTS: "ground, velocity disagree",
     ConditionCode.LATENESS_CONTRADICTS: "pictures too late",
+    ConditionCode.VELOCITY_UNKNOWN: "velocity not known",
+    ConditionCode.ATTITUDE_UNSURE: "roll and pitch unsure",
     ConditionCode.UNSIGNED: "unsigned messages refused",
 }
 """Code -> few words without running numbers."""

@@ -42,9 +42,16 @@ DEFAULT_SYSTEM_ID = 1
 IMU_OF = {"ardupilot": ("RAW_IMU",), "px4": ("HIGHRES_IMU",)}
 """Autopilot -> the gyro message it sends; an unknown one is asked for both."""
 
-ONLY_OF = {"CURRENT_MODE": "px4", "MANUAL_CONTROL": "px4"}
+_ESTIMATOR = ("ESTIMATOR_STATUS", "ODOMETRY", "EKF_STATUS_REPORT")
+ONLY_OF = {
+    "CURRENT_MODE": "px4",
+    "MANUAL_CONTROL": "px4",
+    "ESTIMATOR_STATUS": "px4",
+    "ODOMETRY": "px4",
+    "EKF_STATUS_REPORT": "ardupilot",
+}
 """Message -> the autopilot that sends it: PX4's HEARTBEAT keeps to 1 Hz, and it passes a joystick's sticks on."""
-MAY_BE_MISSING = frozenset({"MANUAL_CONTROL", "RC_CHANNELS", "CURRENT_MODE"})
+MAY_BE_MISSING = frozenset({"MANUAL_CONTROL", "RC_CHANNELS", "CURRENT_MODE", *_ESTIMATOR})
 """Messages that come only with a joystick, a receiver, or from newer firmware: none is no rate that is too low."""
 
 

@@ -82,7 +82,9 @@ def _guided(
     moved = _moved(views, gaps, normal, weight, noise, rotation_std, o)
     if moved is None:
         return None
-    measured = VehicleVelocity(*change, o.guided_velocity_std, views.newest.velocity_noise)
+    measured = VehicleVelocity(
+        *change, o.guided_velocity_std * views.newest.velocity_factor, views.newest.velocity_noise
+    )
     # the whole way over the longest gap, in heights and in metres
     way = measured.detour[-1] - measured.velocity * moved.tau[-1]
     square = float(np.dot(way, way))
