@@ -86,7 +86,7 @@ class Signer:
         self._saved = self._time
 
     def sign(self, frame: bytes) -> bytes:
-        """An unsigned MAVLink 2 frame with flag, checksum and signature; MAVLink 1, signed, unknown frames unchanged."""
+        """An unsigned MAVLink 2 frame with flag, checksum and signature; all other frames unchanged."""
         if frame[0] != MARKER_V2 or frame[2] & SIGNED:
             return frame
         extra = crc_extra_of(int.from_bytes(frame[7:10], "little"))
