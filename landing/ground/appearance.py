@@ -1,4 +1,4 @@
-"""Ground that has just come into view and looks unlike the rest: it may be another surface, not measured yet.
+"""Appearance change: new ground at a side whose brightness differs from the view behind it, not measured yet.
 
 Parallax shows a step only after some pixels of motion, and hardly where it lies in the shade. Its brightness changes
 at once.
