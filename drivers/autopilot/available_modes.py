@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from drivers.mavlink.available_modes import AVAILABLE_MODES_ID, NOT_SELECTABLE
+from drivers.mavlink.current_mode import AVAILABLE_MODES_ID, NOT_SELECTABLE
 from drivers.mavlink.flight_modes import mode_name
 from drivers.mavlink.framing import MARKER_V2
 from drivers.mavlink.link import Link

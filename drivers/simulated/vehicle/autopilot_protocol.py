@@ -11,7 +11,7 @@ from typing import Any, Literal, get_args
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from drivers.errors import DriverError
-from drivers.mavlink.available_modes import AVAILABLE_MODES_ID
+from drivers.mavlink.current_mode import AVAILABLE_MODES_ID
 from drivers.simulated.vehicle.firmware import MODE_NAMES
 from drivers.simulated.vehicle.flight_controller import FlightController
 from drivers.simulated.vehicle.quaternion import Vector

@@ -10,7 +10,7 @@ from typing import Any, Literal, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from drivers.mavlink.available_modes import AvailableModesMessage
+from drivers.mavlink.current_mode import AvailableModesMessage
 from drivers.simulated.vehicle.parameters import Parameters
 
 Kind = Literal["ardupilot", "px4"]
