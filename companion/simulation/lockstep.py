@@ -45,7 +45,7 @@ STANDS_S = 2.0
 """How long it stands on the ground, disarmed, before the flight is over."""
 
 Progress = Callable[[float, float], None]
-"""Told the time flown and the time there is."""
+"""Called with the time flown and the time there is."""
 
 
 @dataclass(frozen=True, slots=True)

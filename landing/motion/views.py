@@ -29,7 +29,7 @@ _LATE_ANEW_S = 0.02
 class View:
     """One exposure: its time, ned_from_camera (3, 3) or None, the trust in rotations measured from it, the vehicle's
     velocity (3,) m/s NED or None with its age and noise, the camera's rate of turn (3,) rad/s about its own axes or
-    None, and the lateness that the attitude allows for."""
+    None, the lateness that the attitude allows for, and the velocity's slow error over the assumed one."""
 
     frame: int
     time_s: float
@@ -40,6 +40,7 @@ class View:
     velocity_noise: float = 0.0
     turn_rate: Array | None = None
     late_s: float = 0.0
+    velocity_factor: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +117,7 @@ class Views:
                 o.velocity_noise,
                 rate,
                 o.late_s,
+                o.velocity_factor,
             ),
             motion,
         )

@@ -299,7 +299,7 @@ def test_the_ports_of_a_sitl_can_be_named(monkeypatch: pytest.MonkeyPatch) -> No
     asked: list[simulation.ArduPilot | None] = []
 
     def flown(scenario: Scenario, config: object, overrides: object, options: LiveOptions, _: object) -> None:
-        asked.append(options.ardupilot)
+        asked.append(options.autopilot)
         raise LandslopeError("flown")
 
     monkeypatch.setattr(simulation, "fly_live", flown)
