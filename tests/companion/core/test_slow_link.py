@@ -2,9 +2,9 @@
 
 from functools import cache
 
-import late_links
 import numpy as np
 import pytest
+import sample_edits
 from places import REPOSITORY
 
 from companion.core.core import Core
@@ -16,15 +16,15 @@ from drivers.samples import Frame, Sample
 SECONDS = 14.0
 SET = {"clock_jumped", "clock_jump_taken_back", "autopilot_rebooted", "frames_jumped"}
 LINKS = {
-    "stalled, drains at 1.5": (late_links.drained(5, 0.6, 1.5), 5.0, 6.8),
-    "stalled, drains at 1.2": (late_links.drained(5, 0.25, 1.2), 5.0, 6.5),
-    "stalled, drains at 1.3": (late_links.drained(5, 0.4, 1.3), 5.0, 6.8),
-    "0.15 s for 3 s": (late_links.step(6, 3, 0.15, 0.01), 6.0, 9.2),
-    "0.12 s for 3 s": (late_links.step(6, 3, 0.12, 0.01), 6.0, 9.2),
-    "0.3 s for 3 s, slowly": (late_links.step(6, 3, 0.3, 1.0), 6.0, 10.3),
-    "0.15 s for 0.55 s": (late_links.step(8, 0.55, 0.15), 8.0, 8.7),
-    "0.35 s for 0.55 s": (late_links.step(8, 0.55, 0.35), 8.0, 8.9),
-    "bursts": (late_links.bursts(), 0.0, SECONDS),
+    "stalled, drains at 1.5": (sample_edits.drained(5, 0.6, 1.5), 5.0, 6.8),
+    "stalled, drains at 1.2": (sample_edits.drained(5, 0.25, 1.2), 5.0, 6.5),
+    "stalled, drains at 1.3": (sample_edits.drained(5, 0.4, 1.3), 5.0, 6.8),
+    "0.15 s for 3 s": (sample_edits.stepped(6, 3, 0.15, 0.01), 6.0, 9.2),
+    "0.12 s for 3 s": (sample_edits.stepped(6, 3, 0.12, 0.01), 6.0, 9.2),
+    "0.3 s for 3 s, slowly": (sample_edits.stepped(6, 3, 0.3, 1.0), 6.0, 10.3),
+    "0.15 s for 0.55 s": (sample_edits.stepped(8, 0.55, 0.15), 8.0, 8.7),
+    "0.35 s for 0.55 s": (sample_edits.stepped(8, 0.55, 0.35), 8.0, 8.9),
+    "bursts": (sample_edits.bursts(), 0.0, SECONDS),
 }
 """Name -> lateness, and when it begins and is over."""
 
@@ -63,7 +63,7 @@ def test_attitudes_stay_with_their_frames(link: str, monotonic: bool) -> None:
     _, samples = agile()
     late, begins_s, over_s = LINKS[link]
     right, _, _ = related(list(samples), monotonic)
-    boot, doubt, names = related(late_links.slowed(samples, late), monotonic)
+    boot, doubt, names = related(sample_edits.slowed(samples, late), monotonic)
     assert not SET & set(names)
     assert len(boot) > (len(right) / 8 if link == "bursts" else len(right) * 0.8)
     off_us = {k: abs(boot[k] - right[k]) for k in boot.keys() & right.keys()}
@@ -92,7 +92,7 @@ def test_the_slope_of_before_comes_back_and_until_then_the_doubt_covers_the_erro
     _, samples = agile()
     cut = [s for s in samples if s.arrival_us - samples[0].arrival_us < 6.0e6]
     right, _ = estimates(cut, False)
-    found, names = estimates(late_links.slowed(cut, late_links.step(3.0, 0.55, 0.35)), False)
+    found, names = estimates(sample_edits.slowed(cut, sample_edits.stepped(3.0, 0.55, 0.35)), False)
     assert not SET & set(names)
     first = min(right)
     off = np.array(
