@@ -1,4 +1,9 @@
-"""The link before a flight: is the autopilot there, do its messages come often and evenly, are the clocks related."""
+"""Check of the MAVLink connection before a flight, for ``landslope doctor``.
+
+In: the settings and some seconds of live messages. Out: ``Finding`` (level, text, remedy) on the connection, the
+autopilot's parameters, the rate of each message (Hz), the jitter of arrivals (s), the relation of the two clocks (s)
+and TIMESYNC. Nothing is commanded; the link only requests message rates and parameters.
+"""
 
 import threading
 from collections import Counter
@@ -28,7 +33,7 @@ from drivers.samples import (
 from drivers.system.host_clock import now_us
 
 SETTLE_US = 1_500_000
-"""After the vehicle was found: the rates asked for are only on their way."""
+"""Messages of this time (us) after the first heartbeat are left out: the requested rates are not in effect yet."""
 
 SUBJECTS = {
     "attitude": Attitude,
@@ -37,6 +42,7 @@ SUBJECTS = {
     "landed state": LandedState,
     "radio": RcChannels,
 }
+"""Subject of a finding -> kind of sample whose rate is measured."""
 RATE_REMEDY = (
     "raise the link's baud rate, or lower the rate in [mavlink]; PX4: MAV_n_RATE bounds all messages together; "
     "ArduPilot: SRn_... and other programs ask for other rates"
@@ -44,7 +50,10 @@ RATE_REMEDY = (
 
 
 class LinkExamination:
-    """Opens the link and listens in the background until ``findings``."""
+    """Opens the link at once and collects its samples in the link's thread; ``findings`` evaluates them.
+
+    A connection that cannot be opened is a finding, not an exception.
+    """
 
     def __init__(self, settings: Settings, options: DoctorOptions) -> None:
         self._settings, self._options = settings, options
@@ -65,7 +74,7 @@ class LinkExamination:
             self._fault = str(error)
 
     def look(self) -> None:
-        """Ask for what is still missing; to be called now and then."""
+        """Request the parameters that have not arrived yet; to be called every few tenths of a second."""
         if self._link is not None:
             wanted = parameters.names(self._settings.landing.procedure, self._link.autopilot)
             self._parameters.look(wanted, now_us())
@@ -76,7 +85,7 @@ class LinkExamination:
             self._link.close()
 
     def findings(self) -> list[Finding]:
-        """Everything about the link, the messages and the clocks."""
+        """All findings; only one, with the cause, when no heartbeat of the autopilot was received."""
         with self._lock:
             samples, events = list(self._samples), list(self._events)
         connection = self._settings.mavlink.connection
@@ -114,7 +123,7 @@ class LinkExamination:
         findings += parameters.parameter_findings(procedure, newest.autopilot, self._parameters.values)
         findings += self._rates(samples, newest)
         findings += self._clock(samples)
-        known_us = heartbeats[0].arrival_us  # what came before could be nobody's
+        known_us = heartbeats[0].arrival_us  # before it the link cannot know which messages are the vehicle's
         late = (s for s in samples if isinstance(s, Refusal) and s.arrival_us > known_us)
         refused = Counter((refusal.reason.words, refusal.detail) for refusal in late)
         if refused:
@@ -133,6 +142,7 @@ class LinkExamination:
             self._events.append(event)
 
     def _rates(self, samples: list[Sample], heartbeat: Heartbeat) -> list[Finding]:
+        """One finding for each subject: its mean rate since ``SETTLE_US``, against the requested one."""
         m = self._settings.mavlink
         asked = {
             "attitude": m.attitude_rate_hz,
@@ -178,6 +188,7 @@ class LinkExamination:
         return findings
 
     def _clock(self, samples: list[Sample]) -> list[Finding]:
+        """Jitter of the attitude's arrivals, standard deviation of the clocks' relation, TIMESYNC round trips."""
         o = self._options
         clock = AutopilotClock(self._settings.sync)
         delays: list[int] = []
