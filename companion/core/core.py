@@ -304,6 +304,7 @@ class Core:
             offset_s = clock.offset_us(clock.boot_us(now_us)) * 1e-6
             out += self._times.step(now_us * 1e-6, self._frame_number, raw_us)
             clocks = Clocks(offset_s, clock.std_s, found.late_s, found.std_s, *self._times.readout)
+        self._health.readout_unknown = self._health.telemetry and self._times.readout_unknown
         out.append(self._health.message(now_us, raw_us, clocks))
 
 

@@ -26,6 +26,7 @@ class Code(StrEnum):
     LATENESS_CONTRADICTS = "lateness_contradicts"
     TWO_VEHICLES = "two_vehicles"
     IMAGE_SIZE = "image_size"
+    READOUT_UNKNOWN = "readout_unknown"
     UNCALIBRATED = "uncalibrated"
     MASK_LARGE = "mask_large"
     RECORDING_STOPPED = "recording_stopped"
@@ -61,6 +62,10 @@ KINDS = {
     Code.TWO_VEHICLES: Kind("error", "two vehicles on the link: set vehicle.system_id", forbids_landing=True),
     Code.IMAGE_SIZE: Kind("error", "camera: {detail}", forbids_landing=True),
     Code.UNCALIBRATED: Kind("warning", "the camera is not calibrated", forbids_landing=True),
+    Code.READOUT_UNKNOWN: Kind(
+        "warning",
+        "camera: the rows' readout is not known yet; it is found while the vehicle turns, or set camera.readout_s",
+    ),
     Code.INPUT_MISSING: Kind("warning", "{subject}: none came"),
     Code.INPUT_STALE: Kind("warning", "{subject}: none for {detail}"),
     Code.CLOCKS_UNRELATED: Kind("warning", "clocks: the autopilot's time is not known yet"),
