@@ -89,7 +89,7 @@ class LivePipeline:
         self._hand_on(self._core.tick(now_us), started)
         self._let_pass(self._events.step(now_us))
 
-    def tell(self, event: DriverEvent) -> None:
+    def report(self, event: DriverEvent) -> None:
         """Something happened in a driver."""
         e = event
         self._output(

@@ -12,8 +12,9 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from bench_clock import BenchClock
 from camera_support import MjpegServer
-from daemon_support import STAIRS, PlayClock, free_tcp_port, recorded_frames, recorded_telemetry, wait_for
+from daemon_support import PATIENCE_S, STAIRS, free_tcp_port, recorded_frames, recorded_telemetry, wait_for
 from flight_edits import rc_channels
 from replay_support import replayed
 from vehicle_support import TestVehicle, free_udp_port
@@ -28,7 +29,7 @@ STREAM_DELAY_S = 0.002
 """How late frames of an MJPEG stream over the loopback device are stamped: coding, sending, reading."""
 
 
-def stream(clock: PlayClock) -> Iterator[np.ndarray]:
+def stream(clock: BenchClock) -> Iterator[np.ndarray]:
     """The flight's frames at their pace; before it begins, the first one in motion, for the stream to be opened."""
     frames = recorded_frames(*FLIGHT)
     still, number = frames[0][1], 0
@@ -43,7 +44,7 @@ def stream(clock: PlayClock) -> Iterator[np.ndarray]:
 
 @pytest.mark.slow
 def test_stairs_live_lands_once_on_the_floor_and_agrees_with_the_replay(tmp_path, replay_cache) -> None:
-    clock, port, zenoh = PlayClock(), free_udp_port(), free_tcp_port()
+    clock, port, zenoh = BenchClock(driven=False), free_udp_port(), free_tcp_port()
     settings = {
         "camera.calibration": f'"{STAIRS / "camera.yaml"}"',
         "camera.time_offset_s": STREAM_DELAY_S,
@@ -55,6 +56,7 @@ def test_stairs_live_lands_once_on_the_floor_and_agrees_with_the_replay(tmp_path
     telemetry = recorded_telemetry(*FLIGHT)
     messages: list[tuple[str, dict]] = []
     with (
+        clock,
         MjpegServer(stream(clock), rate_hz=1e6) as server,
         TestVehicle(port, frames=telemetry) as vehicle,
     ):
@@ -78,7 +80,7 @@ def test_stairs_live_lands_once_on_the_floor_and_agrees_with_the_replay(tmp_path
                     receive()
                     return any(topic == "estimate" for topic, _ in messages)
 
-                wait_for(estimating, "first estimate", 20)
+                wait_for(estimating, "first estimate")
                 wait_for(lambda: vehicle.beats, "heartbeat of the companion")
                 clock.start()
                 vehicle.play()
@@ -88,7 +90,7 @@ def test_stairs_live_lands_once_on_the_floor_and_agrees_with_the_replay(tmp_path
                     time.sleep(0.05)
                 receive()
             daemon.send_signal(signal.SIGTERM)
-            assert daemon.wait(30) == 0
+            assert daemon.wait(PATIENCE_S) == 0
         finally:
             daemon.kill()
             log = daemon.stderr.read().decode()
