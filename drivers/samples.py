@@ -70,8 +70,8 @@ class Velocity:
 class EstimatorReport:
     """What the autopilot's estimator says of its own errors; ``source`` is the message's or the log's name for it.
 
-    ``velocity_known``, ``attitude_known``: whether it calls them good, None where the message does not tell.
-    ``velocity_std`` (m/s, an axis) and ``tilt_std`` (rad, roll or pitch): one sigma, None where it does not tell.
+    ``velocity_known``, ``attitude_known``: whether it calls them good, None where the message does not say.
+    ``velocity_std`` (m/s, an axis) and ``tilt_std`` (rad, roll or pitch): one sigma, None where it does not say.
     """
 
     arrival_us: int
@@ -101,7 +101,7 @@ class Heartbeat:
 class CurrentMode:
     """CURRENT_MODE (PX4): the flight mode, and the one that the pilot or a program asked for last, by name.
 
-    ``intended`` is empty where the autopilot does not tell. The two differ while a failsafe flies another mode.
+    ``intended`` is empty where the autopilot does not report it. The two differ while a failsafe flies another mode.
     """
 
     arrival_us: int

@@ -1,4 +1,4 @@
-"""The camera's times as the pipeline finds them, and when an event reports them."""
+"""Lateness of the frames and rolling-shutter readout, as estimated, and when an event reports them."""
 
 import math
 

@@ -28,7 +28,7 @@ from landing.rotations import euler_from_matrix
 from landing.vision.camera import CameraModel
 
 ATTITUDE_WITNESSES = 3
-"""Frames in a row without an attitude (or with one again) before an event tells of it."""
+"""Frames in a row without an attitude (or with one again) before an event reports it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +161,7 @@ class Core:
         return out
 
     def tick(self, now_us: int) -> list[Output]:
-        """Time passed without a sample, as happens live: frames that waited long enough go on, silence is told."""
+        """Time passed without a sample: frames that waited long enough are processed, silence is reported."""
         out: list[Output] = []
         for frame in self._sync.tick(now_us):
             self._process(frame, out)
@@ -169,7 +169,7 @@ class Core:
         return out
 
     def finish(self) -> list[Output]:
-        """End of the input: frames still waiting are processed, the last state is told."""
+        """End of the input: frames still waiting are processed, the last state is reported."""
         out: list[Output] = []
         for frame in self._sync.flush("end_of_input"):
             self._process(frame, out)
@@ -230,7 +230,7 @@ class Core:
         out += self._logic.see(estimate, self._sync.now_us, ready.exposure_us, _yaw(observation))
 
     def _watch_attitude(self, ready: ReadyFrame, out: list[Output]) -> None:
-        """Tell when frames begin to lack an attitude, and when they have one again."""
+        """Report when frames begin to lack an attitude, and when they have one again."""
         reason = ready.attitude if isinstance(ready.attitude, str) else ""
         known = not reason
         if known == self._attitude_known or reason == "no_telemetry":
@@ -245,7 +245,7 @@ class Core:
                 out.append(event(name, ready.frame.number, ready.exposure_us, text))
 
     def _watch_contradictions(self, ready: ReadyFrame, out: list[Output]) -> None:
-        """Tell which comparison of pictures and vehicle begins to fail, and when none does any more."""
+        """Report which comparison of images and vehicle begins to fail, and when none does any more."""
         failing = tuple(str(status) for status in self._pipeline.contradictions.failing)
         before, self._health.contradictions = self._health.contradictions, failing
         for name in failing:
@@ -255,7 +255,7 @@ class Core:
             out.append(event("motion_agrees", ready.frame.number, ready.exposure_us))
 
     def _watch_picture(self, seen: Observation, ready: ReadyFrame, out: list[Output]) -> bool:
-        """Whether the camera is frozen, as far as the attitude shows it; changes are told."""
+        """Whether the camera is frozen, as far as the attitude shows it; changes are reported."""
         if seen.ned_from_body is None:
             return self._frozen.frozen
         before = self._frozen.frozen

@@ -13,7 +13,7 @@ from drivers.samples import EstimatorReport
 MAX_AGE_S = 10.0
 """Reports come at 1 Hz or more; when they stop, what they vouched for is not known any more."""
 ASSUMED_VELOCITY_STD = 0.2
-"""``Observation.velocity_std`` where nothing is told, m/s."""
+"""``Observation.velocity_std`` where nothing is reported, m/s."""
 UNAIDED_TILT_STD = math.radians(1.1)
 """Roll and pitch without a velocity, one sigma: seen on ArduCopter and PX4 in simulation without GPS."""
 LOST_TILT_STD = math.radians(10.0)
@@ -38,7 +38,7 @@ class Doubt:
 
 
 NO_DOUBT = Doubt()
-"""Nothing is told beyond what is assumed."""
+"""No report: the assumed errors hold."""
 
 
 class EstimatorDoubt:

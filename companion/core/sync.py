@@ -31,7 +31,7 @@ class ReadyFrame:
 
     ``exposure_us``: mid-exposure on the companion's clock as stamped; ``time_us`` rises from frame to frame;
     ``boot_us``: mid-exposure in boot time, None without a relation. ``attitude`` is the reason where there is none.
-    ``velocity_age_s``: from the exposure to what tells the velocity; ``velocity_noise`` m/s. ``late_s``: lateness
+    ``velocity_age_s``: from the exposure to the sample of the velocity; ``velocity_noise`` m/s. ``late_s``: lateness
     found along the way, which ``boot_us`` allows for. ``doubt``: of the autopilot's estimator about itself.
     """
 
@@ -246,7 +246,7 @@ class Synchroniser:
         return ready
 
     def _velocity_due(self, waiting: _Waiting) -> bool:
-        """Whether all is there that tells of an exposure."""
+        """Whether all samples around an exposure have arrived."""
         newest_us = self._attitudes.newest_us
         if newest_us is None or not self.clock.settled:
             return False

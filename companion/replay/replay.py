@@ -86,7 +86,7 @@ class Replayed:
 
 
 Progress = Callable[[int, int | None], None]
-"""Told the frames done and the frames there are (None: not known)."""
+"""Called with the frames done and the frames there are (None: not known)."""
 
 
 def replay(job: ReplayJob, progress: Progress = lambda done, total: None) -> Replayed:

@@ -32,7 +32,7 @@ def estimator_status(m: Any, arrival_us: int) -> EstimatorReport:
 
 
 def odometry(m: Any, arrival_us: int) -> EstimatorReport:
-    """PX4's variances; NaN where the estimator does not tell them."""
+    """PX4's variances; NaN where the estimator does not report them."""
     return EstimatorReport(
         arrival_us,
         "ODOMETRY",

@@ -31,7 +31,7 @@ _LEAST_WEIGHT = 30.0
 """Degrees of freedom behind a mean before it may fail."""
 
 _LEAST_SHARE = 1e-3
-"""Directions of the rotation of which the tracks tell less than this share of the prior's variance are left out."""
+"""Directions of the rotation of which the tracks know less than this share of the prior's variance are left out."""
 
 _DRIFT = 0.3
 """Slow error of the autopilot's velocity, one sigma of an axis, m/s: GPS drift, a slow filter, wind estimates."""

@@ -1,7 +1,7 @@
 """The velocity over height at the newest frame, from displacements over a few short gaps.
 
 Over a longer interval noise counts less, but the vehicle accelerates under way. What the autopilot knows of its own
-velocity tells how it changed: slow errors, which spoil the velocity itself, fall out of the difference.
+velocity gives its change: slow errors of the velocity cancel in the difference.
 """
 
 import math

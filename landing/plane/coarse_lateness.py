@@ -3,7 +3,7 @@
 Network cameras are 0.1 to 0.5 s late. A filter that starts at zero does not find that: a rotation measured half a
 swing off is wrong by more than the fit allows. So first the rotation between two frames is found from the tracks
 alone, with next to no trust in the measured one, and compared with the vehicle's at every shift of a grid: a
-cross-correlation, each pair of frames weighted by what its tracks tell about each axis.
+cross-correlation, each pair of frames weighted by the information of its tracks about each axis.
 """
 
 from collections import deque

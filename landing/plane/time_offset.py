@@ -2,10 +2,10 @@
 
 A frame stamped late by s was seen s before. Over a baseline the measured rotation old_from_new then is wrong by what
 the camera turned in that time at both ends, d = (old_from_new^T w_old - w_new) s in the newest camera's axes, w the
-rates of turn. The plane fit finds d from the tracks; a steady turn does not tell, a change of it does.
+rates of turn. The plane fit finds d from the tracks; a constant rate has no information, a change of the rate has.
 
 A readout that is not known bends the view, much as a rotation and a slope do. Each fit says how its residuals and
-its parameters change with it; what tells it from a slope is that slopes of one surface must not depend on how the
+its parameters change with it; it differs from a slope in that slopes of one surface must not depend on how the
 vehicle turns. Both times are confused with one another by any single baseline, so they are found together.
 
 The filter looks near what is known; where a camera is later by more, the coarse search says where to begin.
@@ -39,7 +39,7 @@ _LEAST_STD_S = 1e-7
 _LONGEST_S = 0.1
 """No readout is longer."""
 _ALIKE = 4.0
-"""Overlaps of baselines whose errors are alike, by attitudes and by the ground: they tell rows as one does."""
+"""Overlaps of baselines whose errors are alike, by attitudes and by the ground: they have the information of one."""
 _SLOPE, _TURN = slice(3, 5), slice(5, 8)
 """Where a fit's parameters are the slopes, and the rotation's error."""
 
@@ -151,10 +151,10 @@ class TimeOffsetFilter:
 
     def _of_rotation(self, found: RotationError, per_second: Array, taken_out: Array) -> tuple[Array, Array]:
         """Information (2, 2) about both, and what it says of their errors times it (2,): of the lateness alone."""
-        # what the tracks alone tell of d, with the measured rotation's own noise: its precision, and that times d
+        # the tracks' own information about d, with the measured rotation's noise: its precision, and that times d
         precision = found.prior_std**-2.0
         evidence = np.diag(precision) - precision[:, None] * found.covariance * precision
-        # and with the errors of both attitudes, (told^-1 + Q)^-1 = (1 + told Q)^-1 told
+        # and with the errors of both attitudes, (I^-1 + Q)^-1 = (1 + I Q)^-1 I with I the information of the tracks
         more = np.eye(3) + self._attitude_error2 * evidence
         both = np.linalg.solve(more, np.column_stack((evidence @ per_second, precision * found.mean)))
         weight = both[:, 0]
@@ -197,12 +197,12 @@ class TimeOffsetFilter:
         """Take in what a baseline of ``gap`` frames says; nothing where it says nothing, or no number."""
         if not (np.isfinite(information).all() and np.isfinite(surprise).all()):
             return
-        # what rounding leaves below zero tells nothing
+        # an information below zero is rounding
         eigenvalues, axes = np.linalg.eigh((information + information.T) / 2)
         if not eigenvalues[-1] > 0:
             return
         information = (axes * np.maximum(eigenvalues, 0.0)) @ axes.T
-        # how far off it is, over what is known and what it tells
+        # the innovation over the standard deviations of prediction and measurement
         sigmas = math.sqrt(max(float(surprise @ self._of(information, surprise)), 0.0))
         # baselines that overlap say the same again
         share = min(1.0, _ORDINARY / max(sigmas, 1e-9)) / gap

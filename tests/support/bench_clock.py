@@ -12,6 +12,8 @@ from contextlib import ExitStack
 
 from drivers.system import host_clock
 
+SPEED = 3.0
+"""Faster than a real flight; who is behind is waited for."""
 STEP_S = 0.001
 MOST_S = 0.02
 """The clock moves on by no more at once, however long nobody looked at it."""
@@ -28,12 +30,12 @@ class BenchClock:
     waited for.
     """
 
-    def __init__(self, *, driven: bool = True) -> None:
+    def __init__(self, *, driven: bool = True, speed: float = SPEED) -> None:
         self.started = threading.Event()
         self.over = False
         self.hold: list[Callable[[], bool]] = []
         self.last_us = -1
-        self._driven = driven
+        self._driven, self._speed = driven, speed
         self._us = host_clock.now_us()
         self._start_us = 0
         self._limits: dict[str, float] = {}
@@ -85,7 +87,8 @@ class BenchClock:
         before_s = moved_s = time.monotonic()
         while not self._stop.wait(STEP_S):
             now_s = time.monotonic()
-            us = self._us + round(min(now_s - before_s, MOST_S) * 1e6)
+            speed = self._speed if self.started.is_set() else 1.0
+            us = self._us + round(min(now_s - before_s, MOST_S) * speed * 1e6)
             before_s = now_s
             if not self._driven:
                 us = host_clock.now_us()

@@ -12,7 +12,7 @@ from typing import Any
 import cv2
 import msgspec
 import numpy as np
-from bench_clock import HELD_S, BenchClock
+from bench_clock import HELD_S, SPEED, BenchClock
 from places import REPOSITORY
 from vehicle_support import ACCEPTED, TestVehicle, free_udp_port, tlog_frames
 
@@ -134,7 +134,8 @@ class PlayedCamera(ReaderCamera):
 class DaemonBench:
     """Plays a cut of stairs_a to a daemon in this process, over a real MAVLink socket and zenoh.
 
-    All live by the bench's clock; with ``driven`` false by the machine's.
+    All live by the bench's clock; with ``driven`` false by the machine's. ``speed`` 1 is for tests of what goes by the
+    machine's clock all the same: MAVSDK's patience, heartbeats and the watchdog.
     """
 
     def __init__(
@@ -148,8 +149,9 @@ class DaemonBench:
         settings: tuple[str, ...] = (),
         listen: bool = True,
         driven: bool = True,
+        speed: float = SPEED,
     ) -> None:
-        self.clock = BenchClock(driven=driven)
+        self.clock = BenchClock(driven=driven, speed=speed)
         self.port = free_udp_port()
         zenoh_port = free_tcp_port()
         self.settings: Settings = load(

@@ -1,6 +1,6 @@
 """A vehicle that another simulator flies, followed by its messages, so that a simulated camera can look down from it.
 
-PX4's SIH (simulation in hardware) computes its own physics. ODOMETRY tells the estimated pose with microseconds,
+PX4's SIH (simulation in hardware) computes its own physics. ODOMETRY has the estimated pose with microseconds,
 HIL_STATE_QUATERNION the true one, without a time and in whole centimetres. The truth, smoothed over half a second,
 corrects the estimate: what is left of the estimator's errors is then seen by the camera, and rounding is not.
 """
@@ -20,7 +20,7 @@ LIFTED_M = 0.3
 
 
 class FollowedVehicle:
-    """Moves a ``Multirotor`` to the poses that are told; ``origin`` (north, east) m is where the other began.
+    """Moves a ``Multirotor`` to the poses that are reported; ``origin`` (north, east) m is where the other began.
 
     The other's ground lies at height 0 of the scene.
     """
@@ -52,23 +52,23 @@ class FollowedVehicle:
         time_s, v = message.time_usec * 1e-6, self._vehicle
         if self._true is None or time_s <= v.time_s:
             return False
-        told: Vector = (message.x, message.y, message.z)
+        reported: Vector = (message.x, message.y, message.z)
         w, x, y, z = map(float, message.q)
         attitude = normalised((w, x, y, z))
-        self._correct(told, attitude)
+        self._correct(reported, attitude)
         v.time_s = time_s
         v.attitude = normalised(multiply(self._turned, attitude))
         v.velocity = rotate(v.attitude, (message.vx, message.vy, message.vz))
         v.rates = (message.rollspeed, message.pitchspeed, message.yawspeed)
         v.position = (
-            self._origin[0] + told[0] + self._moved[0],
-            self._origin[1] + told[1] + self._moved[1],
-            told[2] + self._moved[2] - v.airframe.leg_m,
+            self._origin[0] + reported[0] + self._moved[0],
+            self._origin[1] + reported[1] + self._moved[1],
+            reported[2] + self._moved[2] - v.airframe.leg_m,
         )
         self._touch()
         return True
 
-    def _correct(self, told: Vector, attitude: Quaternion) -> None:
+    def _correct(self, reported: Vector, attitude: Quaternion) -> None:
         assert self._true is not None
         place, turned = self._true
         w, x, y, z = attitude
@@ -79,9 +79,9 @@ class FollowedVehicle:
         self._corrected = True
         m, t = self._moved, self._turned
         self._moved = (
-            m[0] + share * (place[0] - told[0] - m[0]),
-            m[1] + share * (place[1] - told[1] - m[1]),
-            m[2] + share * (place[2] - told[2] - m[2]),
+            m[0] + share * (place[0] - reported[0] - m[0]),
+            m[1] + share * (place[1] - reported[1] - m[1]),
+            m[2] + share * (place[2] - reported[2] - m[2]),
         )
         self._turned = normalised(
             (

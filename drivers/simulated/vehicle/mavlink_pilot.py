@@ -113,7 +113,7 @@ class MavlinkPilot:
             self._command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, number, interval_us)
 
     def get_ready(self) -> None:
-        """Ask for what tells that it may arm: a mode whose checks count, and SYS_STATUS twice a second.
+        """Ask for what shows that it may arm: a mode whose checks count, and SYS_STATUS twice a second.
 
         That mode is GUIDED; PX4's OFFBOARD is refused until setpoints come, so there it is HOLD.
         """

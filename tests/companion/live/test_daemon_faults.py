@@ -61,7 +61,9 @@ def test_telemetry(tmp_path, fault, record_property) -> None:
 def test_heartbeats_stop_while_no_frames_come_and_come_back(tmp_path) -> None:
     gone = During(1.0, 4.0)
     settings = ("landing.enabled=false", "mavlink.heartbeat_max_age_s=0.5")
-    with DaemonBench(tmp_path, (0.0, 8.0), edit_frames=edits.unplugged(gone), settings=settings) as bench:
+    with DaemonBench(
+        tmp_path, (0.0, 8.0), edit_frames=edits.unplugged(gone), settings=settings, speed=1.0
+    ) as bench:
         bench.play()
         wait_for(lambda: bench.vehicle.play_s > gone.end_s, "end of the fault")
         assert not [t for t in list(bench.vehicle.beats_s) if gone.start_s + 0.7 < t < gone.end_s]

@@ -25,7 +25,7 @@ from drivers.errors import DriverError
     ],
 )
 def test_a_refused_or_unanswered_command_is_reported_and_not_repeated(tmp_path, answer, event, word) -> None:
-    with DaemonBench(tmp_path, (0.0, 6.5), answer=answer) as bench:
+    with DaemonBench(tmp_path, (0.0, 6.5), answer=answer, speed=1.0) as bench:
         bench.play_to_end()
         (ended,) = bench.events(event)
         assert word in ended["text"]
@@ -87,7 +87,7 @@ def test_a_hung_pipeline_stops_heartbeats_and_watchdog(tmp_path, monkeypatch) ->
     thread.start()
     settings = ("landing.enabled=false", "mavlink.heartbeat_max_age_s=0.5")
     try:
-        with DaemonBench(tmp_path, (0.0, 8.0), settings=settings) as bench:
+        with DaemonBench(tmp_path, (0.0, 8.0), settings=settings, speed=1.0) as bench:
             bench.play()
             wait_for(lambda: bench.vehicle.beats, "heartbeat")
             feed = bench.daemon.pipeline.feed
@@ -144,7 +144,7 @@ def test_router_absent_at_the_start_gone_and_back(tmp_path) -> None:
     def router() -> object:
         return open_session(Endpoints(mode="router", listen=(f"tcp/127.0.0.1:{port}",)))
 
-    with DaemonBench(tmp_path, (0.0, 16.0), settings=settings, listen=False) as bench:
+    with DaemonBench(tmp_path, (0.0, 16.0), settings=settings, listen=False, speed=1.0) as bench:
         bench.play()
         for _ in range(2):
             time.sleep(0.5)

@@ -15,7 +15,7 @@ from companion.experiments import slopes
 from companion.replay.many import replay_one
 from companion.replay.replay import ReplayJob
 from companion.simulation import monte_carlo
-from companion.simulation.compare import comparison
+from companion.simulation.counting.compare import comparison
 from companion.simulation.monte_carlo import Run, fly_many
 from companion.simulation.result_table import ResultTable, read_rows
 from drivers.files import row_table
