@@ -11,10 +11,13 @@ from collections import Counter
 import numpy as np
 
 from companion.clocks.clock import AutopilotClock
+from companion.core.vehicle_state import MULTICOPTERS
 from companion.doctor import parameters
 from companion.doctor.findings import DoctorOptions, Finding, Level
+from companion.doctor.modes import mode_findings
 from companion.settings.link_options import link_options
 from companion.settings.settings import Settings
+from drivers.autopilot.available_modes import ModeReader
 from drivers.autopilot.parameters import ParameterReader
 from drivers.errors import DriverError
 from drivers.events import DriverEvent
@@ -68,7 +71,8 @@ class LinkExamination:
         try:
             self._link = Link(link_options(settings), self._keep, self._report)
             self._parameters = ParameterReader(self._link)
-            self._link.on_frame = self._parameters.frame
+            self._modes = ModeReader(self._link)
+            self._link.on_frame = self._frame
             self._link.start()
         except DriverError as error:
             self._fault = str(error)
@@ -78,6 +82,7 @@ class LinkExamination:
         if self._link is not None:
             wanted = parameters.names(self._settings.landing.procedure, self._link.autopilot)
             self._parameters.look(wanted, now_us())
+            self._modes.look(now_us())
 
     def close(self) -> None:
         """Close the port."""
@@ -121,6 +126,8 @@ class LinkExamination:
             )
         procedure = self._settings.landing.procedure
         findings += parameters.parameter_findings(procedure, newest.autopilot, self._parameters.values)
+        if newest.autopilot == "px4" or newest.vehicle_type in MULTICOPTERS:  # whose numbers these are
+            findings += mode_findings(self._settings.landing, self._modes.modes())
         findings += self._rates(samples, newest)
         findings += self._clock(samples)
         known_us = heartbeats[0].arrival_us  # before it the link cannot know which messages are the vehicle's
@@ -132,6 +139,10 @@ class LinkExamination:
                 Finding("refused", "warning", text, "noise on the wire, or somebody else on the link")
             )
         return findings
+
+    def _frame(self, arrival_us: int, data: bytes) -> None:
+        self._parameters.frame(arrival_us, data)
+        self._modes.frame(arrival_us, data)
 
     def _keep(self, samples: list[Sample]) -> None:
         with self._lock:
