@@ -47,7 +47,9 @@ def test_two_workers_fly_what_one_process_flies(tmp_path: Path, scheduler: str) 
     assert cli.main(words) in (0, 1)
     assert parts == set(table.glob("*.parquet"))
     alone = monte_carlo.fly_one(3)
-    for name in ("outcome", "requested_s", "inclination_deg", "relief", "chance_s"):
+    for name in (
+        "outcome", "requested_s", "inclination_deg", "relief", "patch_inclination_deg", "fit_s", "chance_s"
+    ):  # fmt: skip
         assert rows[0][name] == getattr(alone, name), name
 
 
