@@ -144,7 +144,7 @@ class Report:
             f"  held back: fit ground too far down or aside {self.held_back}",
             f"  requested on ground that is neither         {sum(r.outcome == 'between' for r in self.runs)}",
             f"  the software broke                          {self.crashes}",
-            f"  a contradiction was told in                 {sum(bool(r.contradicted) for r in self.runs)}",
+            f"  a contradiction was reported in             {sum(bool(r.contradicted) for r in self.runs)}",
             f"  landing requested at all in                 {sum(r.requested_s is not None for r in self.runs)}",
             "  by ground or class: requested, on unfit (95 % confidence), unfit beside, missed",
         ]

@@ -72,10 +72,10 @@ def test_a_lateness_is_reported_when_it_is_sure():
 def test_a_lateness_at_the_bound_of_the_search_is_reported_as_at_least_so_much():
     found, times = watched(0.0)
     found.late_s = 0.1
-    (told,) = times.step(0.0, None, 0)
-    assert "at least 100 ms later" in told.text
-    assert "set it to" not in told.text
-    assert told.details == {"late_s": 0.1, "at_least": True}
+    (reported,) = times.step(0.0, None, 0)
+    assert "at least 100 ms later" in reported.text
+    assert "set it to" not in reported.text
+    assert reported.details == {"late_s": 0.1, "at_least": True}
 
 
 def test_no_lateness_is_reported_while_pictures_and_gyro_contradict_each_other():
