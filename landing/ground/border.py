@@ -261,7 +261,8 @@ class Border:
         shown = np.ones(changed.shape, bool)  # what shows ground in both frames
         for place, left, beside, free in zip(places, changed, across, shown, strict=True):
             rows, columns = side.window(place.begin, depth)
-            at = self._warp.places(place.before.on_plane, rows, columns)
+            moves = views.rows.moves_of(place.before.gap)
+            at = self._warp.places(place.before.on_plane, rows, columns, moves)
             old = views.tracker.images[place.before.gap]
             warped = cv2.remap(old, at, _NO_SECOND_MAP, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT_101)
             left[:] = side.lines(cv2.subtract(new[rows, columns], warped, dtype=cv2.CV_32F))

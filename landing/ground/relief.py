@@ -22,7 +22,7 @@ from landing.options import GroundOptions
 from landing.plane.plane import Plane
 from landing.rotations import exp_so3
 from landing.vision.camera import CameraModel
-from landing.vision.homography import Warp, apply, towards
+from landing.vision.homography import RowMoves, Warp, apply, moved, towards
 
 Array = NDArray[np.float64]
 Image = NDArray[Any]
@@ -56,10 +56,10 @@ _NO_SECOND_MAP = np.empty((0, 0), np.float32)
 class ViewRelief:
     """One look at the ground, a row a block of the picture (n blocks, row by row).
 
-    ``points`` (n, 2) are the blocks' middles, normalised, in the newest frame; ``depth`` (n,) the distance along the
-    axis over that of the plane at the axis, NaN where it is not known; ``std`` (n,) one sigma of it. ``moving`` (n,)
-    marks what moves against the ground. ``fresh`` is the motion since the last look over that of the baseline, at most
-    one: looks over the same baseline share their errors.
+    ``points`` (n, 2) are the blocks' middles, normalised, in the newest frame at its middle row's time; ``depth`` (n,)
+    the distance along the axis over that of the plane at the axis, NaN where it is not known; ``std`` (n,) one sigma of
+    it. ``moving`` (n,) marks what moves against the ground. ``fresh`` is the motion since the last look over that of
+    the baseline, at most one: looks over the same baseline share their errors.
     """
 
     points: Array
@@ -87,6 +87,7 @@ class DenseRelief:
         y = np.arange(self._rows) * BLOCK + (BLOCK - 1) / 2
         self._centres = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
         self.points = camera.undistort(self._centres)
+        self._shares = self._centres[:, 1] / (camera.height - 1) - 0.5
         height, width = self._rows * BLOCK, self._columns * BLOCK
         self._size = (height, width)
         self._grid = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
@@ -119,7 +120,8 @@ class DenseRelief:
             return None
         fresh = min(1.0, self._moved / self.target_px)
         self._moved, self._frames = 0.0, 0
-        return self.look(self._images[0], self._images[gap], plane.normal, *motion, fresh)
+        moves = views.rows.moves_of(gap)
+        return self.look(self._images[0], self._images[gap], plane.normal, *motion, fresh, moves)
 
     def _gap(self, views: Views) -> int | None:
         """The gap whose flow is nearest to the one wanted; None where none is near."""
@@ -147,17 +149,24 @@ class DenseRelief:
         return found[0][0, :3], rotation @ exp_so3(found[0][0, 3:])
 
     def look(
-        self, new: Image, old: Image, normal: Array, t: Array, old_from_new: Array, fresh: float = 1.0
+        self,
+        new: Image,
+        old: Image,
+        normal: Array,
+        t: Array,
+        old_from_new: Array,
+        fresh: float = 1.0,
+        row_moves: RowMoves | None = None,
     ) -> ViewRelief:
         """The relief in ``new`` (height, width) against ``old``, over a plane of the normal (3,) at distance one.
 
         ``t`` (3,) is the displacement from the newest to the older frame over height, in the newest frame's axes, and
-        ``old_from_new`` (3, 3) the rotation.
+        ``old_from_new`` (3, 3) the rotation, both between the middle rows' times; ``row_moves`` of the two pictures.
         """
         height, width = self._size
         new = np.ascontiguousarray(new[:height, :width])
         old_from_this = old_from_new @ towards(t, normal)
-        places = self._warp.places(old_from_this)[:height, :width]
+        places = self._warp.places(old_from_this, row_moves=row_moves)[:height, :width]
         warped = cv2.remap(
             np.ascontiguousarray(old),
             places,
@@ -176,15 +185,16 @@ class DenseRelief:
         match = _match(new, aligned, flow, along)
         usable &= match.converged
         std_px = match.std_px
-        found = self.points + (match.along_px / per_normalised)[:, None] * self._direction(t)
-        depth, per_step = _depth(self.points, found, t, normal)
+        points = self.points if row_moves is None else moved(self.points, self._shares, row_moves[0])
+        found = points + (match.along_px / per_normalised)[:, None] * self._direction(t)
+        depth, per_step = _depth(points, found, t, normal)
         std = per_step * std_px / self.camera.focal_px
         across = np.abs(match.across_px)
         moving = usable & (across > _MOVING_PX) & (across > _MOVING * match.across_std_px)
         relative = std / np.abs(depth)
         usable &= ~moving & (depth > 0) & (relative <= self.options.max_std)
         return ViewRelief(
-            self.points,
+            points,
             np.where(usable, depth, math.nan),
             np.where(usable, std, math.nan),
             moving,

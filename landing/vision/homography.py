@@ -17,6 +17,9 @@ from landing.vision.camera import CameraModel
 Points = NDArray[np.float64]
 Array = NDArray[np.float64]
 
+RowMoves = tuple[Array, Array]
+"""Of two views, what moves homogeneous points (3, 3) from the first row's time to the last row's."""
+
 _NO_SECOND_MAP = np.empty((0, 0), np.float32)
 
 _STEP = 8
@@ -126,6 +129,7 @@ class Warp:
         y = np.arange(rows) * _STEP - _STEP / 2 - 0.5
         nodes = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
         self._nodes = camera.undistort(nodes).reshape(rows, columns, 2)
+        self._shares = np.repeat(y[:, None] / (camera.height - 1) - 0.5, columns, axis=1)
 
     def __call__(self, image: NDArray[np.uint8], new_from_old: Array) -> NDArray[np.uint8]:
         """The old ``image`` (height, width) as seen in the new view; outside of it its border is mirrored."""
@@ -135,22 +139,47 @@ class Warp:
         return np.asarray(warped, np.uint8)
 
     def places(
-        self, other_from_this: Array, rows: slice = _ALL, columns: slice = _ALL
+        self,
+        other_from_this: Array,
+        rows: slice = _ALL,
+        columns: slice = _ALL,
+        row_moves: RowMoves | None = None,
     ) -> NDArray[np.float32]:
         """Pixel coordinates (rows, columns, 2), x and y, in another view of this view's pixels.
 
-        They are exact at the nodes every ``_STEP`` pixels and interpolated linearly between them.
+        They are exact at the nodes every ``_STEP`` pixels and interpolated linearly between them. The homography is
+        of the middle rows' times; ``row_moves`` are this and the other view's (``rolling_shutter.Rows.moves_of``).
         """
         (top, bottom, first_row, last_row), (left, right, first, last) = (
             _span(part, size) for part, size in ((rows, self.camera.height), (columns, self.camera.width))
         )
         nodes = self._nodes[first_row : last_row + 1, first : last + 1]
-        coarse = self.camera.project(apply(other_from_this, nodes.reshape(-1, 2))).astype(np.float32)
+        here = nodes.reshape(-1, 2)
+        if row_moves is not None:
+            here = moved(here, self._shares[first_row : last_row + 1, first : last + 1].ravel(), row_moves[0])
+        there = apply(other_from_this, here)
+        if row_moves is not None:
+            there = self._in_rows(there, row_moves[1])
+        coarse = self.camera.project(there).astype(np.float32)
         size = (nodes.shape[1] * _STEP, nodes.shape[0] * _STEP)
         full = cv2.resize(coarse.reshape(nodes.shape), size, interpolation=cv2.INTER_LINEAR)
         # node k lies in the middle of the block of pixels that begins at (k - 1) times the step
         y, x = top - (first_row - 1) * _STEP, left - (first - 1) * _STEP
         return np.asarray(full[y : y + bottom - top, x : x + right - left], np.float32)
+
+    def _in_rows(self, points: Points, move: Array) -> Points:
+        """Where points (n, 2) of the middle row's time are in the picture; the row that sees each is iterated for."""
+        seen = points
+        for _ in range(2):
+            share = self.camera.project(seen)[:, 1] / (self.camera.height - 1) - 0.5
+            seen = moved(points, -np.clip(share, -1.0, 1.0), move)
+        return seen
+
+
+def moved(points: Points, share: Array, move: Array) -> Points:
+    """Points (n, 2) after a share (n,) of the homogeneous ``move`` (3, 3), first order."""
+    by = (points @ move[:, :2].T + move[:, 2]) * share[:, None]
+    return np.asarray((points + by[:, :2]) / (1.0 + by[:, 2:]))
 
 
 def _span(part: slice, size: int) -> tuple[int, int, int, int]:

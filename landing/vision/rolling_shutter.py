@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from landing.rotations import skew
 from landing.vision.camera import CameraModel
+from landing.vision.homography import RowMoves
 from landing.vision.tracking import FeatureTracker
 
 Array = NDArray[np.float64]
@@ -100,6 +101,14 @@ class Rows:
         place = (self._tracker.frame - gap) % self._tracker.HISTORY
         p, moved = self._velocity_of(place)
         return np.asarray((moved[:, :2] - p * moved[:, 2:]).take(slots, 0))
+
+    def moves_of(self, gap: int) -> RowMoves | None:
+        """For warps: the moves (3, 3) over the readout in the newest frame and ``gap`` before it; None: no rows."""
+        if not self._active or self.readout_s == 0:
+            return None
+        newest, size = self._tracker.frame, self._tracker.HISTORY
+        here, there = (self._velocity[(newest - k) % size] * self.readout_s for k in (0, gap))
+        return here, there
 
     def _velocity_of(self, place: int) -> tuple[Array, Array]:
         """Normalised places (slots, 2) in a picture, and how homogeneous ones (slots, 3) move per second of readout."""

@@ -1,11 +1,13 @@
 """Places of tracks at their frame's time, against points followed exactly through each row's own moment."""
 
+import cv2
 import numpy as np
 import pytest
 
 from landing.options import TrackingOptions
 from landing.rotations import exp_so3
 from landing.vision.camera import CameraModel
+from landing.vision.homography import Warp, apply, towards
 from landing.vision.rolling_shutter import Motion, Rows
 from landing.vision.tracking import FeatureTracker
 
@@ -14,7 +16,7 @@ TURN = np.array((0.3, -0.5, 0.15))
 MOTION = Motion(np.array((0.4, -0.7, 0.3)), np.array((0.2, -0.1, 1.0)))
 
 
-def rolled(camera: CameraModel, points: np.ndarray) -> np.ndarray:
+def rolled(camera: CameraModel, points: np.ndarray, turn: np.ndarray = TURN) -> np.ndarray:
     """Where points (n, 2) of the middle row's time are in the picture; the row that sees each is iterated for."""
     assert camera.readout_s is not None
     p = np.column_stack((points, np.ones(len(points))))
@@ -23,7 +25,7 @@ def rolled(camera: CameraModel, points: np.ndarray) -> np.ndarray:
         dt = (camera.project(seen)[:, 1] / (camera.height - 1) - 0.5) * camera.readout_s
         moved = np.array(
             [
-                exp_so3(-TURN * t) @ (q - MOTION.omega * t * (MOTION.normal @ q))
+                exp_so3(-turn * t) @ (q - MOTION.omega * t * (MOTION.normal @ q))
                 for q, t in zip(p, dt, strict=True)
             ]
         )
@@ -67,3 +69,32 @@ def test_a_global_shutter_leaves_the_places_as_they_are():
     rows = rows_of(camera, points)
     rows.step(TURN, MOTION)
     assert rows.ring is rows._tracker.history
+
+
+@pytest.mark.parametrize("readout_s", [0.018, -0.018])
+def test_a_warp_knows_the_moment_of_every_row_in_both_pictures(readout_s: float):
+    camera = CameraModel.from_focal(320, 240, FOCAL_PX, readout_s=readout_s)
+    points = np.random.default_rng(4).uniform((-0.45, -0.35), (0.45, 0.35), (150, 2))
+    old_from_new = exp_so3(np.array((0.01, -0.02, 0.03))) @ towards((0.05, -0.02, 0.01), MOTION.normal)
+    new, old = rolled(camera, points), rolled(camera, apply(old_from_new, points), -TURN)
+    rows = rows_of(camera, old)
+    rows.step(-TURN, MOTION)
+    rows._tracker.frame = 1
+    rows._tracker.history[1] = new
+    rows._tracker.pixel_history[1] = camera.project(new)
+    rows.step(TURN, MOTION)
+    old, new = camera.project(old), camera.project(new)
+    warp, at = Warp(camera), new.astype(np.float32)[:, None]
+    there, ignorant = (
+        cv2.remap(warp.places(old_from_new, row_moves=moves), at, None, cv2.INTER_LINEAR)[:, 0]
+        for moves in (rows.moves_of(1), None)
+    )
+    assert np.abs(there - old).max() < 0.06
+    assert np.abs(ignorant - old).max() > 1.0
+
+
+def test_a_warp_of_a_global_shutter_has_no_rows():
+    camera = CameraModel.from_focal(320, 240, FOCAL_PX)
+    rows = rows_of(camera, np.zeros((5, 2)))
+    rows.step(TURN, MOTION)
+    assert rows.moves_of(0) is None
