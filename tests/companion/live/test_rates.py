@@ -12,6 +12,7 @@ from companion.messages.events import COMMAND_EVENTS, EVENTS, REPEATING, event
 from companion.messages.messages import Event
 
 S = 1_000_000
+FRAME_US = S // 30
 
 
 def run(name: str, times_us: list[int], end_us: int, **details: str) -> list[Event]:
