@@ -14,6 +14,7 @@ from landing.estimate import SurfaceEstimate, TrackView
 from landing.ground.border import Border
 from landing.ground.brink import Brink
 from landing.ground.ground import Ground
+from landing.ground.ground_velocity import passage
 from landing.ground.roughness import Relief, ReliefMap
 from landing.ground.unlike import Unlike
 from landing.motion.contradictions import Contradictions, rotation_chi2, velocity_chi2
@@ -106,8 +107,9 @@ class SurfacePipeline:
             observation, None if prediction is None else prediction[0], self._expected(observation)
         )
         self.relief.memory.move(*(prediction or (None, None)))
-        self._last_s = observation.time_s
+        passed_s, self._last_s = observation.time_s - self._last_s, observation.time_s
         plane = self.estimator.step(self.views)
+        self.ground.motion.step(passed_s, passage(self.views, plane, self.options.estimator))
         self.time_offset.step(self.views, plane)
         self._compare(observation, plane)
         self._apply_readout()
@@ -141,7 +143,8 @@ class SurfacePipeline:
             velocity = ned_from_camera.T @ observation.velocity_ned
             chi2 = velocity_chi2(velocity, observation.velocity_std, plane.omega, plane.omega_std)
         late = self.time_offset
-        self.contradictions.step(observation.time_s, rotation, chi2, late.late_s, late.std_s)
+        ground = self.ground.motion.speed_m_s, self.ground.motion.std_m_s
+        self.contradictions.step(observation.time_s, rotation, chi2, ground, late.late_s, late.std_s)
 
     def _rotation_doubt(self, gap: int) -> Array:
         """Error (3,) rad, one sigma, of the rotation over ``gap`` frames by attitudes, lateness and readout."""
@@ -236,6 +239,8 @@ class SurfacePipeline:
             unsettled=unsettled,
             suspicious=suspicious,
             unlike=bool(unlike),
+            ground_speed_m_s=self.ground.motion.speed_m_s,
+            ground_speed_std_m_s=self.ground.motion.std_m_s,
             tracks=self._track_view(plane, relief_),
             **known,
         )

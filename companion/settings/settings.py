@@ -332,6 +332,7 @@ class Settings:
             "landing_radius_m",
             "min_area_measured",
             "min_coverage",
+            "max_ground_speed_m_s",
             "touchdown_known",
         ),
     ] = field(default_factory=DecisionOptions)
