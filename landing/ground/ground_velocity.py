@@ -33,8 +33,8 @@ _WANDERS_M_S = 0.05
 """What the slow error of the velocity changes by within a second, one sigma of an axis."""
 _UNEVEN = 0.05
 """Relative change of the distance within a second that the approach does not show: new ground comes below."""
-_UNSEEN = 0.5
-"""The same while nothing is seen of the ground."""
+_UNSEEN, _UNSEEN_M_S = 0.1, 0.3
+"""Both while nothing is seen of the ground: the height is kept, and what comes below may be another ground."""
 _NOISE_M_S = 0.03
 """Error of the vehicle's mean velocity over the interval, beside its noise, one sigma of an axis."""
 _SHARE, _SHARE_LEVEL = 0.02, 0.2
@@ -47,7 +47,7 @@ _ANEW_M_S = 0.5
 """What the ground's velocity may have changed by then, and half the distance with it."""
 _KNOWN = 0.5
 """Largest relative standard deviation of a distance that is known."""
-_LONGEST_S = 1.0
+_LONGEST_S = 5.0
 """After a gap longer than this all begins anew."""
 
 
@@ -148,22 +148,24 @@ class GroundVelocity:
         (nn, ne), (_, ee) = self._covariance[1:3, 1:3].tolist()
         return math.sqrt((nn + ee) / 2 + math.hypot((nn - ee) / 2, ne))
 
-    def step(self, passed_s: float, seen: Passage | None) -> None:
-        """Take a frame ``passed_s`` after the last one."""
+    def step(self, passed_s: float, seen: Passage | None, sink_m_s: float = 0.0) -> None:
+        """Take a frame ``passed_s`` after the last one; the vehicle sinks at ``sink_m_s``."""
         if not 0 <= passed_s <= _LONGEST_S:
             self.forget()
             return
         x, p = self._state, self._covariance
-        uneven = _UNSEEN
         if seen is not None:
-            uneven = _UNEVEN
+            uneven, wanders = _UNEVEN, _WANDERS_M_S
             nearer = math.exp(-min(max(seen.approach * passed_s, -0.5), 0.5))
             x[0] *= nearer
             p[0] *= nearer
             p[:, 0] *= nearer
+        else:
+            uneven, wanders = _UNSEEN, _UNSEEN_M_S
+            x[0] -= sink_m_s * passed_s
         p[0, 0] += (uneven * x[0]) ** 2 * passed_s
-        for axis in (1, 2, 3):
-            p[axis, axis] += _WANDERS_M_S**2 * passed_s
+        for axis, rate in ((1, wanders), (2, wanders), (3, _WANDERS_M_S)):
+            p[axis, axis] += rate**2 * passed_s
         if seen is not None:
             self._update(passed_s, seen)
 

@@ -74,10 +74,24 @@ def test_doubt_grows_while_nothing_is_seen():
     found, _ = fly(started())
     before = found.std_m_s
     for _ in range(30):
-        found.step(FRAME_S, None)
-    assert not found.std_m_s <= before
-    found.step(5.0, None)
+        found.step(FRAME_S, None, 0.2)
+    assert found.std_m_s > 2 * before
+    assert found.distance_m == pytest.approx(3.0 - 0.4, rel=0.1)
+    found.step(6.0, None)
     assert math.isnan(found.speed_m_s)
+
+
+def test_the_height_is_kept_over_a_gap_and_tells_the_ground_after_it():
+    found, distance_m = fly(started())
+    found.step(1.5, None)
+    assert found.speed_m_s + found.std_m_s > 0.3
+    over = np.array((1.2 - 0.6, 0.0, 0.0)) / distance_m
+    for _ in range(10):
+        found.step(
+            FRAME_S,
+            Passage(INTERVAL_S, over, np.full(3, 0.003), np.array((1.2, 0, 0)), 0.01, np.zeros(3), 0.0),
+        )
+    assert found.velocity == pytest.approx((0.6, 0.0), abs=0.2)
 
 
 def test_another_ground_below_is_found_anew():
