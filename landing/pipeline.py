@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from landing.decision.decision import against_flat
 from landing.errors import LandingError
 from landing.estimate import SurfaceEstimate, TrackView
+from landing.ground.appearance import AppearanceChange
 from landing.ground.border import Border
-from landing.ground.brink import Brink
+from landing.ground.drop_off import DropOff
 from landing.ground.ground import Ground
 from landing.ground.ground_velocity import passage
 from landing.ground.roughness import Relief, ReliefMap
-from landing.ground.unlike import Unlike
 from landing.motion.contradictions import Contradictions, rotation_chi2, velocity_chi2
 from landing.motion.views import Views
 from landing.observation import Observation
@@ -74,8 +74,8 @@ class SurfacePipeline:
         tracking = options.tracking
         self.relief = ReliefMap(options.estimator, camera, tracking.max_features, tracking.window_px / 2)
         self.border = Border(options.estimator, camera)
-        self.brink = Brink(options.estimator, camera)
-        self.unlike = Unlike(options.estimator, camera)
+        self.drop_off = DropOff(options.estimator, camera)
+        self.appearance = AppearanceChange(options.estimator, camera)
         self.ground = Ground(options.ground, camera)
         e = options.estimator
         self.time_offset = TimeOffsetFilter(
@@ -85,9 +85,9 @@ class SurfacePipeline:
             self.views.rows.readout_s,
             self.views.rows.std_s,
         )
-        self.contradictions = Contradictions(self.time_offset.farthest_s)
+        self.contradictions = Contradictions()
         self._motion: Motion | None = None
-        self._stood_out = False
+        self._border_was_rough = False
         self._last_s = -math.inf
 
     def step(self, observation: Observation) -> SurfaceEstimate:
@@ -111,7 +111,12 @@ class SurfacePipeline:
         plane = self.estimator.step(self.views)
         sink_m_s = 0.0 if observation.velocity_ned is None else float(observation.velocity_ned[2])
         self.ground.motion.step(passed_s, passage(self.views, plane, self.options.estimator), sink_m_s)
+        confirmed = self.time_offset.confirmed
         self.time_offset.step(self.views, plane)
+        if self.time_offset.moved:
+            self.ground.forget()
+            if not confirmed:
+                self.contradictions.began_elsewhere()
         self._compare(observation, plane)
         self._apply_readout()
         self._motion = None
@@ -145,7 +150,11 @@ class SurfacePipeline:
             chi2 = velocity_chi2(velocity, observation.velocity_std, plane.omega, plane.omega_std)
         late = self.time_offset
         ground = self.ground.motion.speed_m_s, self.ground.motion.std_m_s
-        self.contradictions.step(observation.time_s, rotation, chi2, ground, late.late_s, late.std_s)
+        self.contradictions.step(
+            observation.time_s, rotation, chi2, ground, late.late_s, late.std_s, late.at_bound
+        )
+        if self.contradictions.failing:
+            late.search()
 
     def _rotation_doubt(self, gap: int) -> Array:
         """Error (3,) rad, one sigma, of the rotation over ``gap`` frames by attitudes, lateness and readout."""
@@ -206,15 +215,15 @@ class SurfacePipeline:
         if observation.ned_from_body is not None:
             roll, pitch, _ = euler_from_matrix(observation.ned_from_body)
         relief_ = self.relief.step(self.views, plane)
-        unlike: set[int] = set()
-        stands_out = suspicious = False
+        appearance_change: set[int] = set()
+        rough_border = suspicious = False
         if relief_ and relief_.roughness <= self.options.decision.max_roughness:
             within = relief_
             relief_ = self._with_border(relief_, plane)
-            stands_out = relief_ is not within
+            rough_border = relief_ is not within
             suspicious = self._suspicious(relief_)
-            unlike = self.unlike.step(observation.image, self.border.incoming)
-        unsettled, self._stood_out = stands_out and not self._stood_out, stands_out
+            appearance_change = self.appearance.step(observation.image, self.border.incoming)
+        unsettled, self._border_was_rough = rough_border and not self._border_was_rough, rough_border
         known: dict[str, Any] = {}
         if math.isfinite(plane.divergence):
             known = {
@@ -236,10 +245,10 @@ class SurfacePipeline:
             pitch_deg=math.degrees(pitch),
             features=int(np.count_nonzero(self.views.tracker.alive)),
             coverage=coverage,
-            standing=relief_.standing if relief_ and status == "ok" else 0,
+            obstacle_points=relief_.obstacle_points if relief_ and status == "ok" else 0,
             unsettled=unsettled,
             suspicious=suspicious,
-            unlike=bool(unlike),
+            appearance_change=bool(appearance_change),
             ground_speed_m_s=self.ground.motion.speed_m_s,
             ground_speed_std_m_s=self.ground.motion.std_m_s,
             tracks=self._track_view(plane, relief_),
@@ -250,13 +259,13 @@ class SurfacePipeline:
 
     def _with_border(self, relief_: Relief, plane: Plane) -> Relief:
         """The relief with what stands at the border of the view, looked for only where the rest is even."""
-        standing = self.border.step(self.views, plane)
+        border_step = self.border.step(self.views, plane)
         pixels = self.views.tracker.pixels.take(relief_.slots, 0)
-        more = self.brink.step(relief_, pixels, self.border.incoming)
-        if standing is not None:
-            more = max(more, standing.mean_square)
-            if standing.lasting:
-                self.relief.memory.add(standing.pixels, standing.height)
+        more = self.drop_off.step(relief_, pixels, self.border.incoming)
+        if border_step is not None:
+            more = max(more, border_step.mean_square)
+            if border_step.lasting:
+                self.relief.memory.add(border_step.pixels, border_step.height)
         return replace(relief_, roughness=math.sqrt(relief_.roughness**2 + more)) if more else relief_
 
     def _suspicious(self, relief_: Relief) -> bool:

@@ -6,10 +6,11 @@ from dataclasses import dataclass, replace
 from companion.core.approach import Approach, Ordered
 from companion.core.attitude import BodyAttitude
 from companion.core.camera_times import CameraTimes
+from companion.core.decision_logic import DecisionLogic, Followed, LandRequest
+from companion.core.estimator_doubt import ASSUMED_VELOCITY_STD
 from companion.core.frozen_camera import FrozenCamera
 from companion.core.ground import GroundReporter
 from companion.core.health import Clocks, HealthMonitor
-from companion.core.judge import Followed, Judge, LandRequest
 from companion.core.sync import Notice, ReadyFrame, Synchroniser
 from companion.messages.conditions import Condition
 from companion.messages.events import event
@@ -27,7 +28,7 @@ from landing.rotations import euler_from_matrix
 from landing.vision.camera import CameraModel
 
 ATTITUDE_WITNESSES = 3
-"""Frames in a row without an attitude (or with one again) before an event tells of it."""
+"""Frames in a row without an attitude (or with one again) before an event reports it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +46,7 @@ def observation_of(ready: ReadyFrame) -> Observation:
     """What the pipeline is given for a frame."""
     frame, attitude, time_s = ready.frame, ready.attitude, ready.time_us * 1e-6
     if not isinstance(attitude, BodyAttitude):
-        return Observation(frame.number, time_s, frame.image, late_s=ready.late_s)
+        return Observation(frame.number, time_s, frame.image, late_s=ready.late_s, delay_s=ready.delay_s)
     rotation, std = attitude.ned_from_body, attitude.rotation_std
     return Observation(
         frame.number,
@@ -56,9 +57,12 @@ def observation_of(ready: ReadyFrame) -> Observation:
         ready.velocity_ned,
         velocity_age_s=ready.velocity_age_s,
         velocity_noise=ready.velocity_noise,
-        tilt_std_rad=attitude.tilt_std,
+        velocity_std=ASSUMED_VELOCITY_STD * ready.doubt.velocity_factor,
+        velocity_factor=ready.doubt.velocity_factor,
+        tilt_std_rad=math.hypot(attitude.tilt_std, ready.doubt.tilt_std),
         turn_rate=attitude.turn_rate,
         late_s=ready.late_s,
+        delay_s=ready.delay_s,
     )
 
 
@@ -93,7 +97,7 @@ class Core:
         self._health.calibrated = calibrated
         self._health.masked = 0.0 if camera.mask is None else float(camera.mask.mean())
         self._frozen = FrozenCamera(settings.health, camera)
-        self._judge = Judge(
+        self._logic = DecisionLogic(
             settings,
             self._health,
             LandingArea(camera, settings.decision, settings.tracking),
@@ -115,17 +119,17 @@ class Core:
 
     def set_enabled(self, enabled: bool) -> None:
         """The user's permission to land; taking it back and giving it again allows another request."""
-        self._judge.set_enabled(enabled, self._sync.now_us)
+        self._logic.set_enabled(enabled, self._sync.now_us)
 
     def hold(self) -> None:
         """The autopilot is being asked for hold, by us."""
-        self._judge.hold()
+        self._logic.hold()
 
     def set_decision(self, options: DecisionOptions) -> None:
         """Other limits of the decision from now on."""
         self._pipeline.options = replace(self._pipeline.options, decision=options)
         self._pipeline.ground.limit(options.max_inclination_deg, options.sigmas)
-        self._judge.set_decision(options, LandingArea(self._camera, options, self._pipeline.options.tracking))
+        self._logic.set_decision(options, LandingArea(self._camera, options, self._pipeline.options.tracking))
 
     def under_way(self) -> tuple[Disc, Disc, Disc]:
         """The ground map's answer, see ``GroundBelow``."""
@@ -146,18 +150,18 @@ class Core:
         ready, notices = self._sync.feed(sample)
         self._count(sample, out)
         for notice in notices:
-            self._tell(notice, out)
+            self._report(notice, out)
         for frame in ready:
             self._process(frame, out)
         if isinstance(sample, Followed):
-            out += self._judge.follow(sample, self._sync.now_us, self._sync.raw_us())
+            out += self._logic.follow(sample, self._sync.now_us, self._sync.raw_us())
         elif isinstance(sample, Velocity):
-            self._judge.locate(sample.position_ned, self._sync.now_us)
+            self._logic.locate(sample.position_ned, self._sync.now_us)
         self._tick(out)
         return out
 
     def tick(self, now_us: int) -> list[Output]:
-        """Time passed without a sample, as happens live: frames that waited long enough go on, silence is told."""
+        """Time passed without a sample: frames that waited long enough are processed, silence is reported."""
         out: list[Output] = []
         for frame in self._sync.tick(now_us):
             self._process(frame, out)
@@ -165,13 +169,13 @@ class Core:
         return out
 
     def finish(self) -> list[Output]:
-        """End of the input: frames still waiting are processed, the last state is told."""
+        """End of the input: frames still waiting are processed, the last state is reported."""
         out: list[Output] = []
         for frame in self._sync.flush("end_of_input"):
             self._process(frame, out)
         if self._health_due_us is not None:
-            self._tell_health(out)
-            out += self._judge.decide(self._sync.now_us, self._sync.raw_us(), always=True)
+            self._report_health(out)
+            out += self._logic.decide(self._sync.now_us, self._sync.raw_us(), always=True)
         return out
 
     def _count(self, sample: Sample, out: list[Output]) -> None:
@@ -223,10 +227,10 @@ class Core:
         out.append(Processed(frame, estimate))
         out += self._ground.step(estimate, ready.exposure_us, boot_s)
         self._seen = ready.time_us, self._sync.now_us
-        out += self._judge.see(estimate, self._sync.now_us, ready.exposure_us, _yaw(observation))
+        out += self._logic.see(estimate, self._sync.now_us, ready.exposure_us, _yaw(observation))
 
     def _watch_attitude(self, ready: ReadyFrame, out: list[Output]) -> None:
-        """Tell when frames begin to lack an attitude, and when they have one again."""
+        """Report when frames begin to lack an attitude, and when they have one again."""
         reason = ready.attitude if isinstance(ready.attitude, str) else ""
         known = not reason
         if known == self._attitude_known or reason == "no_telemetry":
@@ -241,7 +245,7 @@ class Core:
                 out.append(event(name, ready.frame.number, ready.exposure_us, text))
 
     def _watch_contradictions(self, ready: ReadyFrame, out: list[Output]) -> None:
-        """Tell which comparison of pictures and vehicle begins to fail, and when none does any more."""
+        """Report which comparison of images and vehicle begins to fail, and when none does any more."""
         failing = tuple(str(status) for status in self._pipeline.contradictions.failing)
         before, self._health.contradictions = self._health.contradictions, failing
         for name in failing:
@@ -251,7 +255,7 @@ class Core:
             out.append(event("motion_agrees", ready.frame.number, ready.exposure_us))
 
     def _watch_picture(self, seen: Observation, ready: ReadyFrame, out: list[Output]) -> bool:
-        """Whether the camera is frozen, as far as the attitude shows it; changes are told."""
+        """Whether the camera is frozen, as far as the attitude shows it; changes are reported."""
         if seen.ned_from_body is None:
             return self._frozen.frozen
         before = self._frozen.frozen
@@ -261,9 +265,9 @@ class Core:
             out.append(event("camera_frozen" if frozen else "camera_moves", seen.frame, ready.exposure_us))
         return frozen
 
-    def _tell(self, notice: Notice, out: list[Output]) -> None:
+    def _report(self, notice: Notice, out: list[Output]) -> None:
         if notice.name == "autopilot_rebooted":
-            out += self._judge.forget_autopilot(self._sync.raw_us())
+            out += self._logic.forget_autopilot(self._sync.raw_us())
         if notice.name in ("autopilot_rebooted", "clock_corrected", "clock_jump_taken_back"):
             self._pipeline.time_offset.loosen()
         text = ""
@@ -279,18 +283,20 @@ class Core:
             return
         if self._seen is not None:
             time_us, seen_us = self._seen
-            out += self._judge.watch(now_us, self._sync.raw_us(), (time_us + now_us - seen_us) * 1e-6)
+            out += self._logic.watch(now_us, self._sync.raw_us(), (time_us + now_us - seen_us) * 1e-6)
         if self._health_due_us is None:
             self._health_due_us = now_us + period_us
         if now_us < self._health_due_us:
             return
         self._health_due_us += period_us * (1 + (now_us - self._health_due_us) // period_us)
-        self._tell_health(out)
+        self._report_health(out)
         if self._health.state("frames", now_us) != "ok":
-            out += self._judge.no_frames(now_us, self._sync.raw_us())
+            out += self._logic.no_frames(now_us, self._sync.raw_us())
 
-    def _tell_health(self, out: list[Output]) -> None:
+    def _report_health(self, out: list[Output]) -> None:
         now_us, raw_us, clock = self._sync.now_us, self._sync.raw_us(), self._sync.clock
+        doubt = self._sync.doubt.at(now_us)
+        self._health.velocity_unknown, self._health.tilt_unaided = not doubt.velocity_known, doubt.unaided
         stale = frozenset(self._health.stale(now_us)) if self._health.telemetry else frozenset()
         for name in sorted(stale ^ self._stale):
             kind, what = ("input_stale", "stopped") if name in stale else ("input_back", "back")
@@ -302,8 +308,10 @@ class Core:
         if clock.settled:
             found = self._pipeline.time_offset
             offset_s = clock.offset_us(clock.boot_us(now_us)) * 1e-6
-            out += self._times.step(now_us * 1e-6, self._frame_number, raw_us)
-            clocks = Clocks(offset_s, clock.std_s, found.late_s, found.std_s, *self._times.readout)
+            contradicted = bool(self._pipeline.contradictions.failing)
+            out += self._times.step(now_us * 1e-6, self._frame_number, raw_us, contradicted)
+            late_std_s = None if found.at_bound else found.std_s
+            clocks = Clocks(offset_s, clock.std_s, found.late_s, late_std_s, *self._times.readout)
         out.append(self._health.message(now_us, raw_us, clocks))
 
 

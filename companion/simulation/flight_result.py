@@ -78,7 +78,7 @@ class FlightResult:
     longest_fit_s: float = 0.0
     """Longest time for which plainly fit ground was in view without a break, where that was followed."""
     longest_chance_s: float = 0.0
-    """Of that, while the ground straight below was in view and from low enough to tell."""
+    """Of that, while the ground straight below was in view from a height at which it can be measured."""
     limit_deg: float = 10.0
     """Steepest ground that the settings land on."""
     unfit_seen: bool = False
@@ -106,7 +106,7 @@ class FlightResult:
         """A message's time since the flight's start."""
         return (time_unix_us - self.epoch_us) / 1e6
 
-    def judge(self, expect: Expectation) -> list[str]:
+    def deviations(self, expect: Expectation) -> list[str]:
         """What went otherwise than it should, in words; empty when nothing did."""
         wrong = [
             f"a landing was requested over ground that is not fit for it, at {r.time_s:.1f} s: "
@@ -156,8 +156,8 @@ def in_words(result: FlightResult) -> str:
     if not result.requests:
         lines.append("  requested  no landing")
     if result.steps:
-        told = result.steps[-1].step
-        lines.append(f"  procedure  {told.state.value}: {told.words}")
+        final = result.steps[-1].step
+        lines.append(f"  procedure  {final.state.value}: {final.words}")
         d = flown(result)
         lines.append(
             f"  descent    divergence {d.divergence:.2f} +- {d.divergence_std:.3f} 1/s, {d.hand_over_m_s:.2f} m/s "

@@ -63,7 +63,7 @@ def fitness(truth: FrameTruth, max_inclination_deg: float) -> Fitness:
     return "between"
 
 
-def tellable(truth: FrameTruth, area: LandingArea) -> bool:
+def measurable(truth: FrameTruth, area: LandingArea) -> bool:
     """Whether the ground straight below is in view, from low enough for what the settings ask for."""
     roll, pitch, _ = to_euler((truth.qw, truth.qx, truth.qy, truth.qz))
     known = SurfaceEstimate(

@@ -14,14 +14,14 @@ import cv2
 
 from companion.core.approach import Ordered
 from companion.core.core import Output, Processed
-from companion.core.judge import LandRequest
+from companion.core.decision_logic import LandRequest
 from companion.core.landing_watch import LandingWatch
 from companion.live.live_pipeline import LivePipeline
 from companion.messages.messages import Message
 from companion.settings.settings import Settings
 from companion.simulation.flight_record import FlightRecord
 from companion.simulation.flight_result import FlightResult, FlownStep, PathPoint, Request, path_point
-from companion.simulation.ground import PATCH_M, Patch, fitness, patch, tellable
+from companion.simulation.ground import PATCH_M, Patch, fitness, measurable, patch
 from companion.simulation.hardware import NAV_LAND, LocalControls
 from companion.simulation.pilot import Pilot
 from companion.simulation.scenario import Scenario
@@ -45,7 +45,7 @@ STANDS_S = 2.0
 """How long it stands on the ground, disarmed, before the flight is over."""
 
 Progress = Callable[[float, float], None]
-"""Told the time flown and the time there is."""
+"""Called with the time flown and the time there is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,7 +215,7 @@ class _Flight:
         fit = word == "fit" and time_s >= self._scenario.pilot.switch_on_s
         self._fit_s = self._fit_s + period_s if fit else 0.0
         result.longest_fit_s = max(result.longest_fit_s, self._fit_s)
-        self._chance_s = self._chance_s + period_s if fit and tellable(truth, self._area) else 0.0
+        self._chance_s = self._chance_s + period_s if fit and measurable(truth, self._area) else 0.0
         result.longest_chance_s = max(result.longest_chance_s, self._chance_s)
 
     def _deliver(self, time_s: float) -> None:

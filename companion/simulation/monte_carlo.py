@@ -56,10 +56,10 @@ class Run:
     fit_s: float
     """Longest time of plainly fit ground in view without a break."""
     chance_s: float
-    """Of that, while the ground straight below was in view, from low enough to tell what lies on it."""
+    """Of that, while the ground straight below was in view, from a height at which it can be measured."""
     elapsed_s: float
     contradicted: str = ""
-    """Contradictions that were told, by the names of their events, with spaces between."""
+    """Contradictions that were reported, by the names of their events, with spaces between."""
     error: str = ""
 
     @property
@@ -230,14 +230,14 @@ def fly_many(
 
 
 def fly_one(seed: int, config: Path | None = None, overrides: Sequence[str] = ()) -> Run:
-    """Fly the scenario of a seed and judge it."""
+    """Fly the scenario of a seed and classify the result."""
     scenario = scenario_of(seed)
     options = LockstepOptions(truth_every=TRUTH_EVERY, stop_at_request=True)
     limit_deg = scenario.flight_settings(config, overrides).decision.max_inclination_deg
-    return judge(scenario, fly(scenario, config, overrides, options), limit_deg)
+    return classify(scenario, fly(scenario, config, overrides, options), limit_deg)
 
 
-def judge(scenario: Scenario, result: FlightResult, max_inclination_deg: float) -> Run:
+def classify(scenario: Scenario, result: FlightResult, max_inclination_deg: float) -> Run:
     """What a flight of a random scenario amounts to."""
     request = result.requests[0] if result.requests else None
     below = result.touch_ground or (request.below if request else None)

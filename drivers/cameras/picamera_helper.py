@@ -29,7 +29,7 @@ def main(arguments):
         run(out, Picamera2(number), (width, height), frame_us, exposure_us, gain)
     except BrokenPipeError:
         return 0
-    except Exception as error:  # noqa: BLE001 told to the other process
+    except Exception as error:  # noqa: BLE001 reported to the other process
         return fail(out, "camera", error)
 
 
@@ -56,13 +56,13 @@ def run(out, camera, size, frame_us, exposure_us, gain):
 
 def fail(out, where, error):
     """Say what went wrong; the exit code."""
-    told = {
+    refusal = {
         "where": where,
         "kind": type(error).__name__,
         "text": " ".join(str(error).split())[:200],
         "missing": (error.name or "") if isinstance(error, ModuleNotFoundError) else "",
     }
-    data = json.dumps(told).encode()
+    data = json.dumps(refusal).encode()
     write(out, FAULT + LENGTH.pack(len(data)) + data)
     return 1
 

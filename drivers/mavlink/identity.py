@@ -66,7 +66,7 @@ class SequenceCheck:
 
 
 class VehicleIdentity:
-    """Tells the vehicle's frames from others.
+    """Distinguishes the vehicle's frames from others.
 
     ``system_id`` 0 takes the first autopilot that is heard; another one then makes it ``ambiguous``. A new sender
     address is taken only after the old one was silent for ``silence_s``.
@@ -86,7 +86,7 @@ class VehicleIdentity:
         self._sequence = SequenceCheck()
         self._heard_us: int | None = None
 
-    def judge(self, frame: WireFrame, sender: Address, now_us: int) -> Sender | RefusalCode:
+    def check(self, frame: WireFrame, sender: Address, now_us: int) -> Sender | RefusalCode:
         """Whose frame it is, or the reason to refuse it."""
         autopilot = frame.component == self._component and _autopilot_heartbeat(frame)
         if self.system_id is None and autopilot:

@@ -32,7 +32,7 @@ HOUSEKEEPING_S = 0.1
 REBOOT_BACK_US = 1_000_000
 """Boot time that falls by more than this is a reboot; by less, a late message."""
 SAY_AGAIN_US = 30_000_000
-"""The same refusal is told as an event at most this often; every one is counted."""
+"""The same refusal is reported as an event at most this often; every one is counted."""
 HEARTBEAT_ID = 0
 KNOCK_EVERY_US = 1_000_000
 SAVE_EVERY_US = 10_000_000
@@ -42,9 +42,16 @@ DEFAULT_SYSTEM_ID = 1
 IMU_OF = {"ardupilot": ("RAW_IMU",), "px4": ("HIGHRES_IMU",)}
 """Autopilot -> the gyro message it sends; an unknown one is asked for both."""
 
-ONLY_OF = {"CURRENT_MODE": "px4", "MANUAL_CONTROL": "px4"}
+_ESTIMATOR = ("ESTIMATOR_STATUS", "ODOMETRY", "EKF_STATUS_REPORT")
+ONLY_OF = {
+    "CURRENT_MODE": "px4",
+    "MANUAL_CONTROL": "px4",
+    "ESTIMATOR_STATUS": "px4",
+    "ODOMETRY": "px4",
+    "EKF_STATUS_REPORT": "ardupilot",
+}
 """Message -> the autopilot that sends it: PX4's HEARTBEAT keeps to 1 Hz, and it passes a joystick's sticks on."""
-MAY_BE_MISSING = frozenset({"MANUAL_CONTROL", "RC_CHANNELS", "CURRENT_MODE"})
+MAY_BE_MISSING = frozenset({"MANUAL_CONTROL", "RC_CHANNELS", "CURRENT_MODE", *_ESTIMATOR})
 """Messages that come only with a joystick, a receiver, or from newer firmware: none is no rate that is too low."""
 
 
@@ -178,7 +185,7 @@ class Link:
             reason = self._signer.refusal(frame)
             if reason is not None:
                 return self._refuse(reason, frame, sender, now_us)
-        verdict = self._identity.judge(frame, sender, now_us)
+        verdict = self._identity.check(frame, sender, now_us)
         if verdict == Sender.NOBODY_YET:
             self.counters["frames before a heartbeat"] += 1
             return []
@@ -209,7 +216,7 @@ class Link:
         return [Refusal(now_us, "mavlink", reason, who)]
 
     def _record(self, frame: WireFrame, now_us: int) -> None:
-        """For a recording, after the sender was judged: a flood of foreign frames fills no disk."""
+        """For a recording, after the sender was checked: a flood of foreign frames fills no disk."""
         if self.on_frame is not None:
             self.on_frame(now_us, frame.data)
 
@@ -273,7 +280,7 @@ class Link:
                 self.rates.want(self._wanted(sample.autopilot))
         elif isinstance(sample, Attitude):
             if self._boot_us is not None and sample.boot_us < self._boot_us - REBOOT_BACK_US:
-                self.rates.forget()  # the pipeline's clock tells of the reboot
+                self.rates.forget()  # the pipeline's clock reports the reboot
                 self.counters["reboots"] += 1
             self._boot_us = sample.boot_us
         elif isinstance(sample, CommandAnswer):
@@ -304,7 +311,7 @@ class Link:
                     self.raw_out(answer)
             for request in self.rates.due(now_us):
                 self.send(request.command(self.system_id, self.options.autopilot_component))
-            self._tell_slow(now_us)
+            self._report_slow(now_us)
             ts1_ns = self._timesync.due(host_now_us())
             if ts1_ns is not None:
                 self.send(dialect.MAVLink_timesync_message(0, ts1_ns))
@@ -324,7 +331,7 @@ class Link:
         """Whether a signing key is set here, and nothing but unsigned messages came."""
         return self.system_id is None and self.counters[f"refused: {RefusalCode.UNSIGNED}"] > 0
 
-    def _tell_slow(self, now_us: int) -> None:
+    def _report_slow(self, now_us: int) -> None:
         slow = self.slow
         for name in slow.keys() - self._slow:
             text = f"{name} comes at {slow[name]:.1f} Hz, {self.rates.wanted_hz[name]:g} Hz were asked for"

@@ -40,7 +40,7 @@ class OrderKind(StrEnum):
 
     NONE: nothing may leave; setpoints that are being sent end without a word. START: take over, with no speed.
     VELOCITY: fly with ``Order.velocity_ned``. STOP: end the setpoints and ask the autopilot to hold. LAND: the
-    request to land, where the vehicle is. TARGET: tell the autopilot, which lands by itself, where to.
+    request to land, where the vehicle is. TARGET: send the place to the autopilot, which lands by itself.
     """
 
     NONE = "none"

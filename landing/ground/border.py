@@ -3,7 +3,7 @@
 Strips along these sides are compared, picture with picture, with what the plane and the motion make of the view a few
 frames ago. What stands above the plane is displaced further along its parallax; the share by which, found by least
 squares over a block of pixels, is its height over the distance. A strip a little further in, which the tracks have
-judged, is the measure: what both have in common is an error of the plane or of the motion. Two gaps are looked at: the
+measured, is the reference: their common part is an error of the plane or of the motion. Two gaps are looked at: the
 shorter one shows what has come in last, the longer one shows it twice as well once it is a little further in.
 """
 
@@ -31,7 +31,7 @@ _CLEAR = 1
 _REFERENCE = slice(8, 18)
 """The strip further in, pixels from the beginning of the outer one."""
 _RUNS = (3, 5)
-"""Blocks in a row that are judged together, beside the whole side."""
+"""Lengths of runs of blocks that are tested together, in addition to the whole side."""
 _LEAST_PX = 1.0
 """Motion below which nothing comes in."""
 SIDES = ((1, False), (1, True), (0, False), (0, True))
@@ -43,7 +43,7 @@ _NO_SECOND_MAP = np.empty((0, 0), np.float32)
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class BorderStep:
     """Blocks at a side: their middles (k, 2) px, height over the distance, share of the view's mean square height.
 
     ``sure``: by ``border_sigmas``, not only by ``border_side_sigmas``. ``lasting``: the same side stood out for
@@ -143,11 +143,11 @@ class Border:
         self._scatter = 1.0
         self.incoming: set[int] = set()
         """The sides where ground came in at the last step."""
-        self.suspect: Standing | None = None
-        """What may stand out there: a whole side, less surely, or what did so a little before."""
+        self.suspect: BorderStep | None = None
+        """A possible step edge at the border: a whole side, with less certainty, or one found shortly before."""
 
-    def step(self, views: Views, plane: Plane) -> Standing | None:
-        """What surely stands out at the sides of the newest frame, None where nothing does.
+    def step(self, views: Views, plane: Plane) -> BorderStep | None:
+        """The most significant step edge at the sides of the newest frame; None where there is none.
 
         After a look that found nothing the next is due when some ground has come in (``border_step_px``).
         """
@@ -164,13 +164,13 @@ class Border:
         self._came_px = 0.0
         places = self._places(self._before(views, plane, self._gaps(views, plane)))
         self.incoming = {place.side for place in places}
-        found: list[Standing] = []
+        found: list[BorderStep] = []
         for number in self.incoming:
             strips = self._strips(views, [place for place in places if place.side == number])
-            found += self._standing(strips)
+            found += self._steps(strips)
             self._learn(strips)
-        sure = [standing for standing in found if standing.sure]
-        last, self._last = self._last if follows else set(), {standing.side for standing in sure}
+        sure = [step for step in found if step.sure]
+        last, self._last = self._last if follows else set(), {step.side for step in sure}
         if sure:
             self._since_px = 0.0
             most = self.suspect = _largest(sure)
@@ -297,8 +297,8 @@ class Border:
         common = (left * by_height).sum(axis=1) / np.maximum((by_height**2).sum(axis=1), 1e-9)
         return _Strips(places, height - common[:, None], information)
 
-    def _standing(self, strips: _Strips) -> list[Standing]:
-        """The runs of blocks that stand out, in each strip and of each length the one that adds most.
+    def _steps(self, strips: _Strips) -> list[BorderStep]:
+        """The runs of blocks with significant height: in each strip and of each length the one with the largest mean.
 
         In a whole side the errors of its blocks even out, and of many runs one is off by chance: less is asked of it.
         """
@@ -323,7 +323,7 @@ class Border:
                     middles = side.middles[place.begin + _DEPTH // 2, best : best + length]
                     square = float(means[best] ** 2) * share
                     sure = bool(aways[best] > o.border_sigmas)
-                    out.append(Standing(place.side, middles, float(means[best]), square, sure))
+                    out.append(BorderStep(place.side, middles, float(means[best]), square, sure))
         return out
 
     def _learn(self, strips: _Strips) -> None:
@@ -338,5 +338,5 @@ class Border:
                 self._scatter += _LEARNT * (typical - self._scatter)
 
 
-def _largest(found: list[Standing]) -> Standing:
-    return max(found, key=lambda standing: standing.mean_square)
+def _largest(found: list[BorderStep]) -> BorderStep:
+    return max(found, key=lambda step: step.mean_square)

@@ -89,6 +89,7 @@ class Ground:
         self._last_s = math.nan
         self._velocity: Array | None = None
         self._velocity_std = math.nan
+        self._delay_s = 0.0
         self._tilt_std_deg = math.nan
         self._approach = math.nan
         self._moved: Array | None = None
@@ -111,6 +112,7 @@ class Ground:
         )
         distance_m = self.scale.distance_m * length
         self._velocity, self._velocity_std = observation.velocity_ned, observation.velocity_std
+        self._delay_s = max(0.0, observation.delay_s)
         self._tilt_std_deg = estimate.inclination_std_deg
         self._approach = approach / length if known else math.nan
         # the way down to the plane straight below, over the distance along its normal
@@ -241,12 +243,15 @@ class Ground:
         return np.linspace((north, east), (north + stop[0], east + stop[1]), count)
 
     def _stopping_point(self) -> tuple[float, float] | None:
-        """Where ArduCopter's LAND stops, north and east of the vehicle, m; None without a velocity."""
+        """Where ArduCopter's LAND stops, north and east of the vehicle, m; None without a velocity.
+
+        The frame is ``delay_s`` old: the vehicle has flown on by so much already.
+        """
         if self._velocity is None:
             return None
         north, east = self._velocity[:2].tolist()
         speed = math.hypot(north, east)
-        way = stopping_distance(speed)
+        way = stopping_distance(speed) + speed * self._delay_s
         if not math.isfinite(way):
             return None
         return (north * way / speed, east * way / speed) if speed > 0 else (0.0, 0.0)

@@ -32,8 +32,8 @@ class Relief:
     """``height`` (n,) over the plane over the distance along the axis of the tracks ``slots``, ``std`` (n,) of it.
 
     ``roughness`` is the RMS with the noise taken out, ``roughness_std`` one sigma of it, NaN where the motion
-    does not tell; ``gross`` counts the tracks refused as tracking errors, ``standing`` those that surely stand
-    out from the plane.
+    does not determine it; ``gross`` counts the tracks refused as tracking errors, ``obstacle_points`` those with
+    significant height over the plane.
     """
 
     slots: NDArray[np.intp]
@@ -42,7 +42,7 @@ class Relief:
     roughness: float
     roughness_std: float
     gross: int
-    standing: int
+    obstacle_points: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,9 +79,9 @@ class ReliefMap:
         if plane.status != "ok" or plane.gap < 1:
             return None
         slots, h, s, h2, s2, gross = self._measure(views, plane)
-        stands = np.abs(h) > o.standing_sigmas * s
-        standing = self._standing(tracker, slots, h, stands)
-        unknown = Relief(slots, h, s, math.nan, math.nan, gross, standing)
+        significant = np.abs(h) > o.standing_sigmas * s
+        obstacle_points = self._obstacle_points(tracker, slots, h, significant)
+        unknown = Relief(slots, h, s, math.nan, math.nan, gross, obstacle_points)
         if len(slots) < o.min_roughness_tracks:
             return unknown
         twice = np.isfinite(h2)
@@ -90,15 +90,15 @@ class ReliefMap:
         variance = np.where(twice, s * s2, variance)
         pixels = tracker.pixels.take(slots, 0)
         cell = self._cells.of(pixels)
-        stands &= np.abs(h) > o.relief_scale
-        self._remember(views, slots, pixels, h, s, h2, s2, stands, cell)
+        significant &= np.abs(h) > o.relief_scale
+        self._remember(views, slots, pixels, h, s, h2, s2, significant, cell)
         # where something is measured now, that counts
         lost, lost_height = self.memory.unseen(self._cells.marked(cell))
         if len(lost):
             cell = np.concatenate((cell, lost))
             product = np.concatenate((product, lost_height**2))
             variance = np.concatenate((variance, np.full(len(lost), float(variance.min()))))
-        # tracks good enough to tell what matters count alike, the others by their uncertainty
+        # tracks that are accurate enough count alike, the others by their uncertainty
         weight = 1.0 / (np.bincount(cell).take(cell) * (variance + o.relief_scale**2) ** 2)
         total = float(weight.sum())
         mean_square = max(float(weight @ product) / total, 0.0)
@@ -109,7 +109,7 @@ class ReliefMap:
         rough_std = math.sqrt(mean_square + spread) - rough
         if rough_std > o.max_roughness_std:
             return unknown
-        return Relief(slots, h, s, rough, rough_std, gross, standing)
+        return Relief(slots, h, s, rough, rough_std, gross, obstacle_points)
 
     def _measure(
         self, views: Views, plane: Plane
@@ -190,21 +190,23 @@ class ReliefMap:
         old = age >= gaps[-1]
         return gaps, slots.compress(old), np.searchsorted(-gaps, -age.compress(old))
 
-    def _standing(self, tracker: FeatureTracker, slots: NDArray[np.intp], h: Array, stands: Marks) -> int:
+    def _obstacle_points(
+        self, tracker: FeatureTracker, slots: NDArray[np.intp], h: Array, significant: Marks
+    ) -> int:
         """How many tracks have stood out for some frames on end; what does not last is a tracking error.
 
         Nor does a height that falls: an error of a young track's place counts less the further it has gone.
         """
         o, born = self.options, tracker.born
-        stands = stands & (np.abs(h) > o.standing_height)
+        significant = significant & (np.abs(h) > o.standing_height)
         streak = np.zeros(len(born), np.int64)
-        if stands.any():
+        if significant.any():
             before = self._measured[(tracker.frame - 1) % len(self._measured)]
             if before is not None and before.frame == tracker.frame - 1:
-                stands &= ~(np.abs(h) < o.standing_kept * np.abs(before.height.take(slots)))
-            standing = slots.compress(stands)
-            same = born.take(standing) == self._born.take(standing)
-            streak[standing] = np.where(same, self._streak.take(standing) + 1, 1)
+                significant &= ~(np.abs(h) < o.standing_kept * np.abs(before.height.take(slots)))
+            obstacle_points = slots.compress(significant)
+            same = born.take(obstacle_points) == self._born.take(obstacle_points)
+            streak[obstacle_points] = np.where(same, self._streak.take(obstacle_points) + 1, 1)
         self._streak, self._born = streak, born.copy()
         return int(np.count_nonzero(streak >= o.standing_frames))
 
@@ -217,13 +219,13 @@ class ReliefMap:
         s: Array,
         h2: Array,
         s2: Array,
-        stands: Marks,
+        significant: Marks,
         cell: NDArray[np.int64],
     ) -> None:
-        """Add the points that stand out twice, forget those where the ground is now measured as even."""
+        """Add the points with two significant heights, forget those where the ground is now measured as even."""
         o, tracker = self.options, views.tracker
-        even = self._cells.marked(cell.compress((s < o.relief_scale) & ~stands))
-        sure = stands.nonzero()[0]
+        even = self._cells.marked(cell.compress((s < o.relief_scale) & ~significant))
+        sure = significant.nonzero()[0]
         if len(sure):
             even &= ~self._cells.marked(cell.take(sure))
             twice = (np.abs(h2) > o.standing_sigmas * s2) & (np.sign(h2) == np.sign(h))
@@ -257,7 +259,7 @@ def heights(
     scale = 1.0 / math.sqrt(float(np.dot(normal, normal)))
     np.multiply(along, left, out=square)
     product = square[0] + square[1]
-    # where a patch lies on a brink or a slope it goes astray a little: still relief as long as it goes along the motion
+    # where a patch lies on a step edge or a slope it is off a little: still relief as long as it goes along the motion
     astray = across * length > options.gross_share * np.abs(product)
     astray &= across > options.gross_sigmas * noise
     return product / information * scale, (noise * scale) / length, astray

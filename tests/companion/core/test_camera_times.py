@@ -29,20 +29,20 @@ def test_a_readout_is_reported_once_when_it_has_settled():
     assert names(times, range(10)) == []
     assert times.readout == (None, None)
     found.know(0.0178, 0.0005)
-    told = [event for s in range(10, 30) for event in times.step(float(s), 7, s)]
-    assert [event.event for event in told] == ["readout_found"]
-    assert "set camera.readout_s = 0.0178" in told[0].text
-    assert told[0].details == {"readout_s": 0.0178, "std_s": 0.0005}
+    reported = [event for s in range(10, 30) for event in times.step(float(s), 7, s)]
+    assert [event.event for event in reported] == ["readout_found"]
+    assert "set camera.readout_s = 0.0178" in reported[0].text
+    assert reported[0].details == {"readout_s": 0.0178, "std_s": 0.0005}
     assert times.readout == (0.0178, pytest.approx(0.0005))
 
 
 def test_one_that_still_moves_is_not():
     found, times = watched()
-    told = []
+    reported = []
     for s in range(30):
         found.know(0.01 + 0.0006 * s, 0.0005)
-        told += times.step(float(s), None, s)
-    assert told == []
+        reported += times.step(float(s), None, s)
+    assert reported == []
 
 
 def test_a_global_shutter_makes_no_event_but_health_says_so():
@@ -64,3 +64,19 @@ def test_a_lateness_is_reported_when_it_is_sure():
     assert names(times, range(2)) == []
     found.std_s = 0.002
     assert names(times, range(2, 5)) == ["camera_late"]
+
+
+def test_a_lateness_at_the_bound_of_the_search_is_reported_as_at_least_so_much():
+    found, times = watched(0.0)
+    found.late_s = 0.1
+    (told,) = times.step(0.0, None, 0)
+    assert "at least 100 ms later" in told.text
+    assert "set it to" not in told.text
+    assert told.details == {"late_s": 0.1, "at_least": True}
+
+
+def test_no_lateness_is_reported_while_pictures_and_gyro_contradict_each_other():
+    found, times = watched(0.0)
+    found.late_s, found.std_s = 0.04, 0.002
+    assert times.step(0.0, None, 0, contradicted=True) == []
+    assert len(times.step(1.0, None, 0)) == 1

@@ -1,6 +1,5 @@
 """As real autopilots behave, over sockets and a real MAVSDK: takeovers, failsafes, a lost radio, other vehicles."""
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
@@ -9,8 +8,8 @@ from estimates import FLAT
 from live_rig import LiveRig
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.core.decision_logic import DecisionLogic, Followed, LandRequest
 from companion.core.health import HealthMonitor
-from companion.core.judge import Followed, Judge, LandRequest
 from companion.live.commander import Commander
 from companion.messages.messages import Decision, Event
 from companion.settings.link_options import link_options
@@ -23,7 +22,8 @@ from drivers.system.host_clock import now_us
 LAND = mavlink.MAV_CMD_NAV_LAND
 STEEP = replace(FLAT, inclination_deg=30.0, flat=False)
 SWITCH = 7
-SILENCE_S = 2.0
+SILENCE_US = 2_000_000
+"""On the rig's clock: twice as long as a verdict has to stand."""
 
 
 class Flight(LiveRig):
@@ -42,7 +42,7 @@ class Flight(LiveRig):
         self.link = Link(link_options(settings), self.put)
         self.commander = Commander(self.link, self.put)
         self._health = HealthMonitor(settings.health, True)
-        self.judge = Judge(settings, self._health, by_pilot=True)
+        self.logic = DecisionLogic(settings, self._health, by_pilot=True)
         self.start(lambda: self.codes)
 
     def where(self) -> object:
@@ -55,8 +55,13 @@ class Flight(LiveRig):
     def silent(self) -> None:
         """No command to land in a while over the best of surfaces."""
         lands, self.surface = self.lands, FLAT
-        time.sleep(SILENCE_S)
+        self.later(SILENCE_US)
         assert self.lands == lands, self.events
+
+    def later(self, duration_us: int) -> None:
+        """Let that much time of the rig's clock pass."""
+        until_us = now_us() + duration_us
+        self.wait(lambda: now_us() >= until_us, "time")
 
     def step(self, samples: list[Sample]) -> None:
         now = now_us()
@@ -66,8 +71,8 @@ class Flight(LiveRig):
         for sample in samples:
             self._health.count(sample, now)
             if isinstance(sample, Followed):
-                out += self.judge.follow(sample, now, now)
-        out += self.judge.see(replace(self.surface, frame=self._frame, time_s=now * 1e-6), now, now)
+                out += self.logic.follow(sample, now, now)
+        out += self.logic.see(replace(self.surface, frame=self._frame, time_s=now * 1e-6), now, now)
         for each in out:
             if isinstance(each, LandRequest):
                 self.commander.request(each)
@@ -146,10 +151,10 @@ def test_rates_that_a_ground_station_takes_away_come_back(fly) -> None:
     flight = fly(Firmware(), "GUIDED")
     rate = lambda: flight.autopilot.streams.rates_hz[mavlink.MAVLINK_MSG_ID_ATTITUDE]  # noqa: E731
     flight.wait(lambda: rate() > 90, "rate asked for")
-    time.sleep(1.5)
+    flight.later(1_500_000)
     with flight.autopilot.lock:
         flight.autopilot.protocol.handle(mavlink.MAVLink_request_data_stream_message(1, 1, 0, 4, 1), 0.0)
     assert rate() == 4
-    taken = time.monotonic()
+    taken_us = now_us()
     flight.wait(lambda: rate() > 90, "rate asked for again")
-    assert time.monotonic() - taken < 5.0
+    assert now_us() - taken_us < 5_000_000, "on the rig's clock"

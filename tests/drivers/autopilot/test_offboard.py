@@ -1,6 +1,6 @@
 """Setpoints through a real MAVSDK over a real socket to a simulated ArduCopter and PX4: what ends them, what is said.
 
-Judged by the order of messages on the link and by the vehicle's own time; one frame may be under way at any moment.
+Checked by the order of messages on the link and by the vehicle's own time; one frame may be under way at any moment.
 """
 
 import math
@@ -19,15 +19,17 @@ from drivers.autopilot.autopilot import Autopilot
 from drivers.autopilot.landing_target import LandingTarget
 from drivers.commands import CONTROL_MODES
 from drivers.mavlink.link import Link, LinkOptions
-from drivers.samples import Sample
+from drivers.samples import Sample, Velocity
 from drivers.simulated.vehicle.autopilot import SimulatedAutopilot
 from drivers.simulated.vehicle.firmware import Firmware
 from drivers.simulated.vehicle.vehicle import Multirotor
 from landing.decision.procedure_options import OUR_MODES
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
 SPEED = (0.6, 0.0, 0.0)
+LEASE_S = 30.0
+"""No test that flies ends by the lease, on a busy machine either."""
 SETPOINT_ID = mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED.to_bytes(3, "little")
 CONTROL = {"ardupilot": "GUIDED", "px4": "OFFBOARD"}
 
@@ -49,6 +51,7 @@ class Bench:
         self.controller = self.vehicle.controller
         self.targets = LandingTarget()
         self.log: list[str] = []
+        self.on_samples: Callable[[list[Sample]], None] = lambda samples: None
         options = LinkOptions(
             f"udpout:127.0.0.1:{self.vehicle.port}",
             1,
@@ -74,8 +77,8 @@ class Bench:
         self.link.close()
         self.vehicle.stop()
 
-    def wait(self, condition: Callable[[], object], what: str) -> None:
-        deadline = time.monotonic() + PATIENCE_S
+    def wait(self, condition: Callable[[], object], what: str, patience_s: float = PATIENCE_S) -> None:
+        deadline = time.monotonic() + patience_s
         while not condition():
             assert time.monotonic() < deadline, f"no {what}: {self.controller.mode} {self.link.counters}"
             time.sleep(0.01)
@@ -86,7 +89,7 @@ class Bench:
         self.wait(lambda: self.vehicle.time_s >= until_s, "vehicle's time")
 
     def fly(self, given_in: str) -> None:
-        assert self.offboard.start(given_in, 0.0, 2.0, 5.0).result == "ACCEPTED"
+        assert self.offboard.start(given_in, 0.0, 2.0, LEASE_S).result == "ACCEPTED"
         assert self.offboard.velocity(SPEED)
         self.wait(lambda: self.vehicle.vehicle.velocity[0] > 0.4, "motion")
         self.log.clear()
@@ -115,6 +118,7 @@ class Bench:
     def _samples(self, samples: list[Sample]) -> None:
         for sample in samples:
             self.targets.feed(sample)
+        self.on_samples(samples)
 
     def _frame(self, arrival_us: int, frame: bytes) -> None:
         if frame[7:10] == SETPOINT_ID:
@@ -235,11 +239,13 @@ def test_the_daemons_death_is_the_autopilots_time_out(firmware: Firmware, act: i
             os.kill(daemon.pid, signal.SIGKILL)
             daemon.wait()
         killed_s = vehicle.time_s
+        while vehicle.time_s < killed_s + 0.5:
+            time.sleep(0.01)
+        received = len(vehicle.protocol.setpoints)
         vehicle.speed, vehicle._pace = 4.0, (time.monotonic(), vehicle.time_s)
         while vehicle.time_s < killed_s + (5.0 if act is None else 2.0):
             time.sleep(0.05)
-        last_s = max(t for t, _, _ in vehicle.protocol.setpoints)
-        assert last_s <= killed_s + 0.2, "the system's buffers are empty soon"
+        assert len(vehicle.protocol.setpoints) == received, "the system's buffers were empty soon"
         assert vehicle.controller.mode == mode
         if act in (None, 5):
             assert math.hypot(*vehicle.vehicle.velocity) < 0.2
@@ -253,24 +259,24 @@ def test_a_landing_is_led_to_its_target(bench, kind: str) -> None:
     place = (1.2, -0.4, 0.0)
     mode = {"ardupilot": "LAND", "px4": "PRECLAND"}[kind]
 
-    def lead() -> bool:
-        position = b.targets._position
-        if position is not None:
-            away = tuple(p - q for p, q in zip(place, position.position_ned, strict=True))
-            message = b.targets.message(away, position.arrival_us, position.arrival_us)
-            if message is not None:
-                b.link.send(message)
-        return b.vehicle.vehicle.on_ground
+    def lead(samples: list[Sample]) -> None:
+        """With every position that comes, as of the newest word: at the vehicle's pace, not at this machine's."""
+        position, attitude = b.targets._position, b.targets._attitude
+        if position is None or attitude is None or not any(isinstance(s, Velocity) for s in samples):
+            return
+        away = tuple(p - q for p, q in zip(place, position.position_ned, strict=True))
+        now_us = max(position.arrival_us, attitude.arrival_us)
+        message = b.targets.message(away, position.arrival_us, now_us)
+        if message is not None:
+            b.link.send(message)
+            b.log.append("target")
 
-    b.wait(lambda: b.targets._attitude and b.targets._position and (lead() or True), "vehicle's words")
+    b.on_samples = lead
+    b.wait(lambda: "target" in b.log, "vehicle's words")
     outcome = b.autopilot.land_on_target({"ardupilot": "LOITER", "px4": "POSCTL"}[kind])
     assert outcome.result == "ACCEPTED"
     b.wait(lambda: b.controller.mode == mode, "mode")
-    b.vehicle.speed = 2.0
-    deadline = time.monotonic() + 60
-    while not lead():
-        assert time.monotonic() < deadline, b.vehicle.vehicle.position
-        time.sleep(0.02)
+    b.wait(lambda: b.vehicle.vehicle.on_ground, "ground", 120.0)
     n, e, _ = b.vehicle.vehicle.position
     assert math.hypot(n - place[0], e - place[1]) < 0.15
 
