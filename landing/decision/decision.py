@@ -1,4 +1,9 @@
-"""Whether a surface is flat, and whether it has been flat long enough to be fit for landing."""
+"""Is the surface flat, and has it been flat for long enough to be fit for landing?
+
+In: one ``SurfaceEstimate`` per frame, the ground map's discs, the limits (``DecisionOptions``). Out: a ``Verdict``
+with the reasons against landing. An unknown value (NaN) fails its check; without a height the ground map decides,
+which needs metres. The permission to land is decided elsewhere (``permission.py``).
+"""
 
 import math
 from dataclasses import dataclass
@@ -13,7 +18,10 @@ from landing.reasons import Certainty, Code, Reason, Status
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """``verdict`` is "fit", "unfit" or "unknown"; ``reasons`` are what speaks against landing."""
+    """``verdict`` is "fit", "unfit" or "unknown"; ``reasons`` are those against landing.
+
+    ``since_s``: time of the estimate at which the verdict began; ``changed``: whether it differs from the one before.
+    """
 
     verdict: str
     reasons: tuple[Reason, ...]
@@ -24,10 +32,10 @@ class Verdict:
 def against_flat(
     estimate: SurfaceEstimate, options: DecisionOptions, widen: float = 0.0
 ) -> tuple[Reason, ...]:
-    """What speaks against calling the surface flat; empty when it is flat.
+    """Reasons against calling the surface flat; empty when it is flat.
 
-    The upper bounds (``options.sigmas`` standard deviations) of inclination and roughness must lie below the
-    limits, which ``widen`` relaxes by a share.
+    The upper bounds of inclination (deg; ``options.sigmas`` standard deviations) and roughness (relief over the
+    distance; ``options.roughness_sigmas``) must be at most their limits, which are multiplied by 1 + ``widen``.
     """
     if estimate.status != Status.OK:
         return (Reason(Code.NO_ESTIMATE, status=estimate.status),)
@@ -81,11 +89,12 @@ def _coverage(estimate: SurfaceEstimate, o: DecisionOptions) -> Reason | None:
 def against_landing(
     estimate: SurfaceEstimate, options: DecisionOptions, widen: float = 0.0, area: LandingArea | None = None
 ) -> tuple[Reason, ...]:
-    """What speaks against landing here: first what speaks against flat, then what flat leaves open.
+    """Reasons against landing here: those against flat, and when there are none, those that depend on the height.
 
-    Relief over the distance shrinks with height: from far up a box looks even that would tip a vehicle over, so where
-    the height is known the relief counts in metres, and the ground must be resolved finely enough to show such a box.
-    And with ``area``, the place to land on must itself be among what was measured.
+    Relief over the distance decreases with height: from far up, a box that would tip the vehicle over looks even.
+    Where the height is known, the relief is therefore limited in metres (``max_relief_m``), and so is the size on the
+    ground of the patches that tracks average over (``max_patch_m``). With ``area``, the landing area itself must have
+    been measured.
     """
     o = options
     reasons = against_flat(estimate, o, widen)
@@ -122,11 +131,12 @@ def against_motion(estimate: SurfaceEstimate, o: DecisionOptions, widen: float =
 
 
 def against_touchdown(below: Disc, way: Disc, seen: Disc, all_known: bool) -> tuple[Reason, ...]:
-    """What speaks against coming down on the ground map's discs straight below and on the way to the stopping point.
+    """Reasons of the ground map against landing: the discs straight below and on the path to the stopping point.
 
-    No disc of the way may be a hazard (``way``: the worst). The disc below must be landable, and so must those of the
-    way that have been in view long enough to be known (``seen``: the worst); with ``all_known`` all must. Else the
-    stopping point may lie ahead of the view, where only a slower flight makes it known.
+    A vehicle that moves lands at its stopping point, ahead of where it is. No disc of the path may be a hazard
+    (``way`` is the worst of them). The disc ``below`` must be landable, and so must the discs of the path that have
+    been in view for long enough to be known (``seen`` is the worst); with ``all_known`` all discs of the path.
+    Without it the stopping point may lie outside the view.
     """
     for disc in (below, way):
         if disc.verdict == HAZARD:
@@ -138,7 +148,7 @@ def against_touchdown(below: Disc, way: Disc, seen: Disc, all_known: bool) -> tu
 
 
 class GroundBelow(Protocol):
-    """The ground map as the decision asks it."""
+    """What the decision needs of the ground map."""
 
     def under_way(self) -> tuple[Disc, Disc, Disc]:
         """At the newest frame: the disc straight below, the worst from there to the stopping point, and the worst of
@@ -147,10 +157,11 @@ class GroundBelow(Protocol):
 
 
 class Decider:
-    """The verdict over time: flat for a dwell time before it is fit, wider limits while it is.
+    """The verdict over time: "fit" after ``dwell_s`` without a reason against landing, with hysteresis.
 
-    Without ``area`` nothing is asked of where in the picture the surface was measured, without ``ground`` nothing of
-    the ground map.
+    While it is "fit", limits are wider by ``hysteresis``, and reasons that are only possible end it after
+    ``patience_s``. A certain reason makes it "unfit", any other "unknown". Without ``area`` the place of the tracks
+    in the image is not checked, without ``ground`` the ground map is not.
     """
 
     def __init__(
@@ -162,7 +173,7 @@ class Decider:
         self._verdict = Verdict("unknown", (Reason(Code.NOTHING_SEEN),), math.nan, False)
 
     def step(self, estimate: SurfaceEstimate) -> Verdict:
-        """Take the next estimate; times must not fall."""
+        """The verdict after the next estimate; times must not decrease."""
         o, now = self.options, estimate.time_s
         fit = self._verdict.verdict == "fit"
         widen = o.hysteresis if fit else 0.0
@@ -173,7 +184,7 @@ class Decider:
             )
         if not reasons:
             if now - self._seen_s > o.patience_s:
-                # after a silence nothing is known of what came between
+                # nothing is known of the ground that passed in between
                 self._flat_since = None
             self._seen_s = now
             if self._flat_since is None:

@@ -4,10 +4,13 @@ import cv2
 import numpy as np
 
 from drivers.simulated.world.textures import texture
+from landing.options import Options
 from landing.vision.camera import CameraModel
 
 RATE_HZ, WIDTH, HEIGHT, STEP_PX = 30.0, 240, 180, 4
 CAMERA = CameraModel.from_focal(WIDTH, HEIGHT, 200.0)
+KEPT_PX = Options().ground.baseline * CAMERA.width
+"""Motion over which a doubt at the border lasts."""
 FRAMES, RELIEF = 40, 0.25
 TURNS = {"right": 0, "bottom": 1, "left": 2, "top": 3}
 """Quarters of a turn that bring the ground in at each side."""

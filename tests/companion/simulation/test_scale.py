@@ -7,7 +7,7 @@ from distributed import LocalCluster
 
 from companion import cli
 from companion.simulation import monte_carlo
-from companion.simulation.compare import comparison
+from companion.simulation.counting.compare import comparison
 from companion.simulation.monte_carlo import Run, fly_many
 from companion.simulation.result_table import ResultTable, read_rows
 
@@ -40,7 +40,9 @@ def test_two_workers_fly_what_one_process_flies(tmp_path: Path) -> None:
         assert cli.main(words) in (0, 1)
         assert parts == set(table.glob("*.parquet"))
     alone = monte_carlo.fly_one(3)
-    for name in ("outcome", "requested_s", "inclination_deg", "relief", "chance_s"):
+    for name in (
+        "outcome", "requested_s", "inclination_deg", "relief", "patch_inclination_deg", "fit_s", "chance_s"
+    ):  # fmt: skip
         assert rows[0][name] == getattr(alone, name), name
 
 
