@@ -77,6 +77,8 @@ class Firmware:
     radio: Radio = "ok"
     radio_failsafe: bool = True
     """ArduCopter: whether a failsafe for the radio is set up (FS_THR_ENABLE)."""
+    gps: bool = True
+    """Without it the estimator makes its velocity up, and says so."""
     critical: bool = False
     chosen: str = ""
     """The mode that the pilot chose last; PX4 goes back to it when it disarms after a landing."""
