@@ -301,9 +301,7 @@ class Settings:
     zenoh: ZenohSettings = field(default_factory=ZenohSettings)
     tracking: Annotated[
         TrackingOptions,
-        UserSettings(
-            "max_features",
-        ),
+        UserSettings("max_features"),
     ] = field(default_factory=TrackingOptions)
     estimator: Annotated[
         EstimatorOptions,
