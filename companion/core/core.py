@@ -312,6 +312,7 @@ class Core:
             out += self._times.step(now_us * 1e-6, self._frame_number, raw_us, contradicted)
             late_std_s = None if found.at_bound else found.std_s
             clocks = Clocks(offset_s, clock.std_s, found.late_s, late_std_s, *self._times.readout)
+        self._health.readout_unknown = self._health.telemetry and self._times.readout_unknown
         out.append(self._health.message(now_us, raw_us, clocks))
 
 

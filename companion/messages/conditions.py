@@ -28,6 +28,7 @@ class Code(StrEnum):
     ATTITUDE_UNSURE = "attitude_unsure"
     TWO_VEHICLES = "two_vehicles"
     IMAGE_SIZE = "image_size"
+    READOUT_UNKNOWN = "readout_unknown"
     UNCALIBRATED = "uncalibrated"
     MASK_LARGE = "mask_large"
     RECORDING_STOPPED = "recording_stopped"
@@ -63,6 +64,10 @@ KINDS = {
     Code.TWO_VEHICLES: Kind("error", "two vehicles on the link: set vehicle.system_id", forbids_landing=True),
     Code.IMAGE_SIZE: Kind("error", "camera: {detail}", forbids_landing=True),
     Code.UNCALIBRATED: Kind("warning", "the camera is not calibrated", forbids_landing=True),
+    Code.READOUT_UNKNOWN: Kind(
+        "warning",
+        "camera: the rows' readout is not known yet; it is found while the vehicle turns, or set camera.readout_s",
+    ),
     Code.VELOCITY_UNKNOWN: Kind(
         "warning", "the autopilot's estimator does not know its velocity: no metres; see its position source"
     ),

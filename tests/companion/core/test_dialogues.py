@@ -37,7 +37,7 @@ def unedited(at_s: float, sample: Sample) -> Iterable[Sample]:
 
 @dataclass
 class Story:
-    """What was told at which second of the file."""
+    """What was reported at which second of the file."""
 
     events: list[tuple[float, str]] = field(default_factory=list)
     free: list[tuple[float, float]] = field(default_factory=list)
@@ -172,7 +172,7 @@ def test_our_own_hold_is_reported_as_that() -> None:
 
 
 def test_a_takeover_into_the_enabling_mode_is_followed_by_silence() -> None:
-    """PX4, a joystick: not recorded, built from what was told of it."""
+    """PX4, a joystick: not recorded, built from a description of it."""
     settings = Settings(landing=LandingSettings(enable_modes=("POSCTL",)))
     health = HealthMonitor(settings.health, True)
     logic = DecisionLogic(settings, health, by_pilot=True)

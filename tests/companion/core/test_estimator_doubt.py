@@ -94,10 +94,10 @@ def test_a_simulated_autopilot_without_gps_says_so_over_its_link(kind):
 
 
 def test_odometry_tells_standard_deviations_and_nan_tells_nothing():
-    told = odometry(0.25, math.radians(0.5) ** 2)
-    assert told.velocity_std == pytest.approx(0.5)
-    assert told.tilt_std == pytest.approx(math.radians(0.5), rel=1e-5)
-    assert told.velocity_known is None
+    doubt = odometry(0.25, math.radians(0.5) ** 2)
+    assert doubt.velocity_std == pytest.approx(0.5)
+    assert doubt.tilt_std == pytest.approx(math.radians(0.5), rel=1e-5)
+    assert doubt.velocity_known is None
     for nothing in (math.nan, -1.0, math.inf):
         assert (odometry(nothing, nothing).velocity_std, odometry(nothing, nothing).tilt_std) == (None, None)
 

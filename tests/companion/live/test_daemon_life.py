@@ -203,7 +203,7 @@ def test_recorded_flight_can_be_replayed(tmp_path) -> None:
         bench.play_to_end()
         live = len([e for e in bench.of("estimate") if e["status"] == "ok"])
     (folder,) = [p for p in tmp_path.iterdir() if p.is_dir() and (p / "vehicle.tlog").exists()]
-    text = replay(ReplayJob("flight", folder))
+    text = replay(ReplayJob("flight", folder)).text
     assert "estimates" in text
     assert live > 20
 

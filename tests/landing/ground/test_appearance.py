@@ -69,8 +69,10 @@ def test_vignetting_is_usual_and_so_are_changes_of_the_light():
 
 def test_what_stays_becomes_usual():
     detector = AppearanceChange(OPTIONS.estimator, CAMERA, KEPT_PX)
-    detector.step(pictures(None, 0)[0], ALL)
-    reported = [bool(detector.step(shaded(pictures(None, 0)[0], "top", 8, 0.4), ALL)) for _ in range(200)]
+    first = pictures(None, 0)[0]
+    detector.step(first, ALL)
+    edge = shaded(first, "top", 8, 0.4)
+    reported = [bool(detector.step(edge, ALL)) for _ in range(200)]
     assert reported[0]
     assert not reported[-1]
 
