@@ -35,6 +35,7 @@ class Code(StrEnum):
     CLOCK_WITHOUT_DATE = "clock_without_date"
     RADIO_LOST = "radio_lost"
     RATE_TOO_LOW = "rate_too_low"
+    OVERLOADED = "overloaded"
     UNSIGNED = "unsigned"
 
 
@@ -78,6 +79,10 @@ KINDS = {
     Code.RADIO_LOST: Kind("warning", "radio: the pilot's switch is not heard"),
     Code.UNSIGNED: Kind("warning", "signing: the autopilot signs nothing; give it mavlink.signing_key too"),
     Code.RATE_TOO_LOW: Kind("warning", "{subject}: {detail} asked for"),
+    Code.OVERLOADED: Kind(
+        "warning",
+        "the processor is too slow: {detail}; lower camera.rate_hz, camera.width and height, or tracking.max_features",
+    ),
     Code.MASK_LARGE: Kind(
         "warning",
         "camera: camera.mask covers {detail} of the picture; move the camera or what stands in its view",

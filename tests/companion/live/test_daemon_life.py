@@ -79,9 +79,10 @@ def test_a_hung_pipeline_stops_heartbeats_and_watchdog(tmp_path, monkeypatch) ->
     def listen() -> None:
         while not done.is_set():
             try:
-                reported.append((time.monotonic(), listener.recv(4096).decode()))
+                text = listener.recv(4096).decode()
             except TimeoutError:
                 continue
+            reported.append((time.monotonic(), text))
 
     thread = threading.Thread(target=listen)
     thread.start()
@@ -92,17 +93,18 @@ def test_a_hung_pipeline_stops_heartbeats_and_watchdog(tmp_path, monkeypatch) ->
             wait_for(lambda: bench.vehicle.beats, "heartbeat")
             feed = bench.daemon.pipeline.feed
             hung = threading.Event()
+            moments: list[float] = []
 
             def hang(samples) -> None:
                 monkeypatch.setattr(bench.daemon.pipeline, "feed", feed)
-                hung.set()
+                moments.append(time.monotonic())
                 time.sleep(3.0)
+                moments.append(time.monotonic())
+                hung.set()
 
             monkeypatch.setattr(bench.daemon.pipeline, "feed", hang)
             assert hung.wait(PATIENCE_S)
-            began = time.monotonic()
-            time.sleep(2.9)
-            silent = (began + 0.6, began + 2.9)
+            silent = (moments[0] + 0.9, moments[1])
             assert not [t for t in bench.vehicle.beats if silent[0] < t < silent[1]]
             assert not [t for t, what in reported if "WATCHDOG" in what and silent[0] < t < silent[1]]
             count = len(bench.vehicle.beats)
