@@ -1,4 +1,4 @@
-"""The daemon's own life: a recorded flight that arrives live, answers to its command, a hung pipeline, its end, a second one, a bus that comes and goes."""
+"""The daemon's life: a flight that arrives live, answers, a hung pipeline, its end, a second one, a bus that goes."""
 
 import socket
 import threading
