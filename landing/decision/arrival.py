@@ -41,10 +41,11 @@ def beside(i: Inputs, spot: Vector, share: float) -> bool:
 def sink_share(i: Inputs, spot: Vector, unsure_s: float, low: float) -> float:
     """Of the usual divergence: less the longer the place has been unknown, and towards the hand-over (``low`` 1).
 
-    None over a hazard and beside the place: the height is that of the whole ground in view, and what rises out of it
-    there is nearer.
+    None beside the place, nor over a hazard that may rise to the height of the hand-over: the height is that of the
+    whole ground in view, and the disc's step is measured from its mean plane.
     """
-    if i.below.verdict == HAZARD or beside(i, spot, 2 * ARRIVED_SHARE):
+    near = i.below.verdict == HAZARD and not i.height_m - 2 * i.below.step_m >= i.height_m / low
+    if near or beside(i, spot, 2 * ARRIVED_SHARE):
         return 0.0
     sure = min(max((UNKNOWN_S - unsure_s) / (UNKNOWN_S - UNSURE_S), 0.0), 1.0)
     return sure * min(max((low - 0.97) / 0.08, 0.0), 1.0)

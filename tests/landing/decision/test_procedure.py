@@ -196,13 +196,14 @@ def test_after_a_place_far_out_turned_out_unfit_it_looks_within_the_reach_of_the
     assert flight.machine.why is Why.CHOOSING
 
 
-def test_over_a_hazard_and_beside_the_place_it_does_not_come_down():
+def test_over_a_hazard_that_is_near_and_beside_the_place_it_does_not_come_down():
+    wall = replace(BAD, step_m=2.0)
     flight = Flight()
     flight.until(State.DESCEND)
     for _ in range(int(1 / DT)):
         flight.step()
     for _ in range(int(1.0 / DT)):
-        step = flight.step(below=BAD)
+        step = flight.step(below=wall)
     assert step.state is State.DESCEND
     assert step.order.velocity_ned[2] == 0.0
     flight.place[0] = flight.spot[0] + 0.8
