@@ -303,7 +303,7 @@ class DecisionOptions:
     min_coverage: Annotated[float, Limits(0, 1, "", "smallest share of the image with tracks")] = 0.35
     touchdown_known: Annotated[
         bool, "require measured ground all the way to the stopping point, not only straight below"
-    ] = False
+    ] = True
 
 
 @dataclass(frozen=True, slots=True)
