@@ -59,12 +59,12 @@ class SurfaceEstimate:
     inlier_fraction: float = NAN
     fit_error_px: float = NAN
     coverage: float = NAN
-    standing: int = 0
+    obstacle_points: int = 0
     unsettled: bool = False
     """What makes it rough has just come into view and was not there in the frame before."""
     suspicious: bool = False
     """What has just come into view may stand out."""
-    unlike: bool = False
+    appearance_change: bool = False
     """What has just come into view looks unlike the rest and is not measured yet."""
     flat: bool = False
     against_flat: tuple[Reason, ...] = ()

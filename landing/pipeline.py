@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from landing.decision.decision import against_flat
 from landing.errors import LandingError
 from landing.estimate import SurfaceEstimate, TrackView
+from landing.ground.appearance import AppearanceChange
 from landing.ground.border import Border
-from landing.ground.brink import Brink
+from landing.ground.drop_off import DropOff
 from landing.ground.ground import Ground
 from landing.ground.roughness import Relief, ReliefMap
-from landing.ground.unlike import Unlike
 from landing.motion.contradictions import Contradictions, rotation_chi2, velocity_chi2
 from landing.motion.views import Views
 from landing.observation import Observation
@@ -73,8 +73,8 @@ class SurfacePipeline:
         tracking = options.tracking
         self.relief = ReliefMap(options.estimator, camera, tracking.max_features, tracking.window_px / 2)
         self.border = Border(options.estimator, camera)
-        self.brink = Brink(options.estimator, camera)
-        self.unlike = Unlike(options.estimator, camera)
+        self.drop_off = DropOff(options.estimator, camera)
+        self.appearance = AppearanceChange(options.estimator, camera)
         self.ground = Ground(options.ground, camera)
         e = options.estimator
         self.time_offset = TimeOffsetFilter(
@@ -86,7 +86,7 @@ class SurfacePipeline:
         )
         self.contradictions = Contradictions(self.time_offset.farthest_s)
         self._motion: Motion | None = None
-        self._stood_out = False
+        self._border_was_rough = False
         self._last_s = -math.inf
 
     def step(self, observation: Observation) -> SurfaceEstimate:
@@ -202,15 +202,15 @@ class SurfacePipeline:
         if observation.ned_from_body is not None:
             roll, pitch, _ = euler_from_matrix(observation.ned_from_body)
         relief_ = self.relief.step(self.views, plane)
-        unlike: set[int] = set()
-        stands_out = suspicious = False
+        appearance_change: set[int] = set()
+        rough_border = suspicious = False
         if relief_ and relief_.roughness <= self.options.decision.max_roughness:
             within = relief_
             relief_ = self._with_border(relief_, plane)
-            stands_out = relief_ is not within
+            rough_border = relief_ is not within
             suspicious = self._suspicious(relief_)
-            unlike = self.unlike.step(observation.image, self.border.incoming)
-        unsettled, self._stood_out = stands_out and not self._stood_out, stands_out
+            appearance_change = self.appearance.step(observation.image, self.border.incoming)
+        unsettled, self._border_was_rough = rough_border and not self._border_was_rough, rough_border
         known: dict[str, Any] = {}
         if math.isfinite(plane.divergence):
             known = {
@@ -232,10 +232,10 @@ class SurfacePipeline:
             pitch_deg=math.degrees(pitch),
             features=int(np.count_nonzero(self.views.tracker.alive)),
             coverage=coverage,
-            standing=relief_.standing if relief_ and status == "ok" else 0,
+            obstacle_points=relief_.obstacle_points if relief_ and status == "ok" else 0,
             unsettled=unsettled,
             suspicious=suspicious,
-            unlike=bool(unlike),
+            appearance_change=bool(appearance_change),
             tracks=self._track_view(plane, relief_),
             **known,
         )
@@ -244,13 +244,13 @@ class SurfacePipeline:
 
     def _with_border(self, relief_: Relief, plane: Plane) -> Relief:
         """The relief with what stands at the border of the view, looked for only where the rest is even."""
-        standing = self.border.step(self.views, plane)
+        border_step = self.border.step(self.views, plane)
         pixels = self.views.tracker.pixels.take(relief_.slots, 0)
-        more = self.brink.step(relief_, pixels, self.border.incoming)
-        if standing is not None:
-            more = max(more, standing.mean_square)
-            if standing.lasting:
-                self.relief.memory.add(standing.pixels, standing.height)
+        more = self.drop_off.step(relief_, pixels, self.border.incoming)
+        if border_step is not None:
+            more = max(more, border_step.mean_square)
+            if border_step.lasting:
+                self.relief.memory.add(border_step.pixels, border_step.height)
         return replace(relief_, roughness=math.sqrt(relief_.roughness**2 + more)) if more else relief_
 
     def _suspicious(self, relief_: Relief) -> bool:

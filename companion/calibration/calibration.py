@@ -163,7 +163,7 @@ def calibrate(
     else:
         left_out = 0
     coverage = _coverage(used, size)
-    _judge(solution, coverage, size, board, options)
+    _check_quality(solution, coverage, size, board, options)
     info = CameraInfo(
         size[0],
         size[1],
@@ -199,7 +199,7 @@ def cells_seen(views: Iterable[View], size: tuple[int, int]) -> NDArray[np.intp]
     return counts
 
 
-def _judge(
+def _check_quality(
     solution: Solution, coverage: float, size: tuple[int, int], board: str, options: CalibrationOptions
 ) -> None:
     largest = options.max_error_px * max(1.0, size[0] / REFERENCE_WIDTH)

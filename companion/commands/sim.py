@@ -107,7 +107,7 @@ def run(args: argparse.Namespace) -> int:
     from companion.simulation.flight_result import in_words
 
     print(in_words(result))
-    wrong = result.judge(scenario.expect)
+    wrong = result.deviations(scenario.expect)
     print("\n".join(f"  WRONG      {line}" for line in wrong) or "  as it should be")
     if args.plot is not None:
         from companion.simulation.picture import draw

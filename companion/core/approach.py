@@ -84,12 +84,12 @@ class Approach:
         self._ground, self._consent = ground, consent
         self._spots_s = -math.inf
         self._local: tuple[int, Vector] | None = None
-        self._told: Step | None = None
+        self._reported: Step | None = None
 
     @property
     def state(self) -> ProcedureState | None:
         """For the decision's message."""
-        step = self._told
+        step = self._reported
         if step is None:
             return None
         spot = step.spot_ned
@@ -143,15 +143,15 @@ class Approach:
         return [] if step is None else self._take(step, frame, time_unix_us)
 
     def _take(self, step: Step, frame: int, time_unix_us: int) -> list[Event | Ordered]:
-        told, self._told = self._told, step
+        reported, self._reported = self._reported, step
         if step.order.kind is OrderKind.START:
             self._consent.permission.use()
         out: list[Event | Ordered] = []
-        if told is None or told.state is not step.state:
+        if reported is None or reported.state is not step.state:
             name = "procedure_gave_back" if step.state is State.GIVE_BACK else "procedure_changed"
             details = {"state": step.state.value, "code": step.why.value}
             out.append(event(name, frame, time_unix_us, f"landing procedure {step.words}", details))
-        was = told.order.kind if told is not None else OrderKind.NONE
+        was = reported.order.kind if reported is not None else OrderKind.NONE
         if step.order.kind is not OrderKind.NONE or was is not OrderKind.NONE:
             out.append(Ordered(frame, time_unix_us, step))
         return out

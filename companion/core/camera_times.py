@@ -6,9 +6,9 @@ from companion.messages.events import event
 from companion.messages.messages import Event
 from landing.plane.time_offset import TimeOffsetFilter
 
-LATE_WORTH_TELLING_S, LATE_SIGMAS = 0.005, 4.0
+LATE_REPORTED_S, LATE_SIGMAS = 0.005, 4.0
 """A lateness of the frames that an event reports."""
-READOUT_WORTH_TELLING_S, READOUT_STD_S = 0.002, 0.001
+READOUT_REPORTED_S, READOUT_STD_S = 0.002, 0.001
 """A readout of the rows that an event reports, and how well it has to be known."""
 SETTLED_S, SETTLED_WITHIN_S = 5.0, 0.001
 """A readout has settled when it has not changed by more than this within so long."""
@@ -20,7 +20,7 @@ class CameraTimes:
     def __init__(self, found: TimeOffsetFilter, set_offset_s: float) -> None:
         self.found, self._set_offset_s = found, set_offset_s
         self._readout_known = found.readout_std_s == 0
-        self._late_told_s = self._readout_told_s = 0.0
+        self._late_reported_s = self._readout_reported_s = 0.0
         self._last_s = self._since_s = -math.inf
         self._steady_s = math.inf
 
@@ -43,8 +43,8 @@ class CameraTimes:
         readout_s, std_s = self.readout
         if readout_s is None or std_s is None:
             return out
-        if abs(readout_s - self._readout_told_s) > READOUT_WORTH_TELLING_S:
-            self._readout_told_s = readout_s
+        if abs(readout_s - self._readout_reported_s) > READOUT_REPORTED_S:
+            self._readout_reported_s = readout_s
             text = (
                 f"the camera has a rolling shutter, read out in {readout_s * 1e3:.1f} ms; it is allowed for, "
                 f"set camera.readout_s = {readout_s:.4f}"
@@ -56,9 +56,9 @@ class CameraTimes:
     def _late(self, frame: int | None, time_unix_us: int) -> list[Event]:
         """A lateness that is surely there, and again when it has surely changed."""
         late_s, std_s = self.found.late_s, self.found.std_s
-        if abs(late_s - self._late_told_s) <= max(LATE_WORTH_TELLING_S, LATE_SIGMAS * std_s):
+        if abs(late_s - self._late_reported_s) <= max(LATE_REPORTED_S, LATE_SIGMAS * std_s):
             return []
-        self._late_told_s = late_s
+        self._late_reported_s = late_s
         right_s = round(self._set_offset_s + late_s, 3) + 0.0
         text = (
             f"frames are {abs(late_s) * 1e3:.0f} ms {'later' if late_s > 0 else 'earlier'} than camera.time_offset_s = "

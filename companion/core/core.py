@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from companion.core.approach import Approach, Ordered
 from companion.core.attitude import BodyAttitude
 from companion.core.camera_times import CameraTimes
+from companion.core.decision_logic import DecisionLogic, Followed, LandRequest
 from companion.core.frozen_camera import FrozenCamera
 from companion.core.ground import GroundReporter
 from companion.core.health import Clocks, HealthMonitor
-from companion.core.judge import Followed, Judge, LandRequest
 from companion.core.sync import Notice, ReadyFrame, Synchroniser
 from companion.messages.conditions import Condition
 from companion.messages.events import event
@@ -93,7 +93,7 @@ class Core:
         self._health.calibrated = calibrated
         self._health.masked = 0.0 if camera.mask is None else float(camera.mask.mean())
         self._frozen = FrozenCamera(settings.health, camera)
-        self._judge = Judge(
+        self._logic = DecisionLogic(
             settings,
             self._health,
             LandingArea(camera, settings.decision, settings.tracking),
@@ -115,17 +115,17 @@ class Core:
 
     def set_enabled(self, enabled: bool) -> None:
         """The user's permission to land; taking it back and giving it again allows another request."""
-        self._judge.set_enabled(enabled, self._sync.now_us)
+        self._logic.set_enabled(enabled, self._sync.now_us)
 
     def hold(self) -> None:
         """The autopilot is being asked for hold, by us."""
-        self._judge.hold()
+        self._logic.hold()
 
     def set_decision(self, options: DecisionOptions) -> None:
         """Other limits of the decision from now on."""
         self._pipeline.options = replace(self._pipeline.options, decision=options)
         self._pipeline.ground.limit(options.max_inclination_deg, options.sigmas)
-        self._judge.set_decision(options, LandingArea(self._camera, options, self._pipeline.options.tracking))
+        self._logic.set_decision(options, LandingArea(self._camera, options, self._pipeline.options.tracking))
 
     def under_way(self) -> tuple[Disc, Disc]:
         """The ground map's answer, see ``GroundBelow``."""
@@ -146,13 +146,13 @@ class Core:
         ready, notices = self._sync.feed(sample)
         self._count(sample, out)
         for notice in notices:
-            self._tell(notice, out)
+            self._report(notice, out)
         for frame in ready:
             self._process(frame, out)
         if isinstance(sample, Followed):
-            out += self._judge.follow(sample, self._sync.now_us, self._sync.raw_us())
+            out += self._logic.follow(sample, self._sync.now_us, self._sync.raw_us())
         elif isinstance(sample, Velocity):
-            self._judge.locate(sample.position_ned, self._sync.now_us)
+            self._logic.locate(sample.position_ned, self._sync.now_us)
         self._tick(out)
         return out
 
@@ -170,8 +170,8 @@ class Core:
         for frame in self._sync.flush("end_of_input"):
             self._process(frame, out)
         if self._health_due_us is not None:
-            self._tell_health(out)
-            out += self._judge.decide(self._sync.now_us, self._sync.raw_us(), always=True)
+            self._report_health(out)
+            out += self._logic.decide(self._sync.now_us, self._sync.raw_us(), always=True)
         return out
 
     def _count(self, sample: Sample, out: list[Output]) -> None:
@@ -223,7 +223,7 @@ class Core:
         out.append(Processed(frame, estimate))
         out += self._ground.step(estimate, ready.exposure_us, boot_s)
         self._seen = ready.time_us, self._sync.now_us
-        out += self._judge.see(estimate, self._sync.now_us, ready.exposure_us, _yaw(observation))
+        out += self._logic.see(estimate, self._sync.now_us, ready.exposure_us, _yaw(observation))
 
     def _watch_attitude(self, ready: ReadyFrame, out: list[Output]) -> None:
         """Tell when frames begin to lack an attitude, and when they have one again."""
@@ -261,9 +261,9 @@ class Core:
             out.append(event("camera_frozen" if frozen else "camera_moves", seen.frame, ready.exposure_us))
         return frozen
 
-    def _tell(self, notice: Notice, out: list[Output]) -> None:
+    def _report(self, notice: Notice, out: list[Output]) -> None:
         if notice.name == "autopilot_rebooted":
-            out += self._judge.forget_autopilot(self._sync.raw_us())
+            out += self._logic.forget_autopilot(self._sync.raw_us())
         if notice.name in ("autopilot_rebooted", "clock_corrected", "clock_jump_taken_back"):
             self._pipeline.time_offset.loosen()
         text = ""
@@ -279,17 +279,17 @@ class Core:
             return
         if self._seen is not None:
             time_us, seen_us = self._seen
-            out += self._judge.watch(now_us, self._sync.raw_us(), (time_us + now_us - seen_us) * 1e-6)
+            out += self._logic.watch(now_us, self._sync.raw_us(), (time_us + now_us - seen_us) * 1e-6)
         if self._health_due_us is None:
             self._health_due_us = now_us + period_us
         if now_us < self._health_due_us:
             return
         self._health_due_us += period_us * (1 + (now_us - self._health_due_us) // period_us)
-        self._tell_health(out)
+        self._report_health(out)
         if self._health.state("frames", now_us) != "ok":
-            out += self._judge.no_frames(now_us, self._sync.raw_us())
+            out += self._logic.no_frames(now_us, self._sync.raw_us())
 
-    def _tell_health(self, out: list[Output]) -> None:
+    def _report_health(self, out: list[Output]) -> None:
         now_us, raw_us, clock = self._sync.now_us, self._sync.raw_us(), self._sync.clock
         stale = frozenset(self._health.stale(now_us)) if self._health.telemetry else frozenset()
         for name in sorted(stale ^ self._stale):

@@ -96,7 +96,7 @@ class _Input:
     count: int = 0
     refused: int = 0
     newest_us: int | None = None
-    told: int = 0
+    reported: int = 0
 
 
 class HealthMonitor:
@@ -121,7 +121,7 @@ class HealthMonitor:
         self._early: set[str] = set()
         """Inputs counted before there was a time: they came when time begins."""
         self._start_us: int | None = None
-        self._told_us: int | None = None
+        self._reported_us: int | None = None
         self.counters: Counter[str] = Counter()
         self.vehicles_clash = False
         self.camera_frozen = False
@@ -215,12 +215,12 @@ class HealthMonitor:
 
     def message(self, now_us: int, time_unix_us: int, clocks: Clocks) -> Health:
         """Health since the last call."""
-        since_us = self._told_us if self._told_us is not None else self._start_us
+        since_us = self._reported_us if self._reported_us is not None else self._start_us
         span_s = (now_us - since_us) * 1e-6 if since_us is not None else 0.0
         inputs = {}
         for name in sorted(self._inputs):
             entry = self._inputs[name]
-            rate = (entry.count - entry.told) / span_s if span_s > 0 else None
+            rate = (entry.count - entry.reported) / span_s if span_s > 0 else None
             age = None if entry.newest_us is None else max(0.0, (now_us - entry.newest_us) * 1e-6)
             inputs[name] = InputHealth(
                 state=self.state(name, now_us),
@@ -229,8 +229,8 @@ class HealthMonitor:
                 rate_hz=None if rate is None else round(rate, 2),
                 age_s=None if age is None else round(age, 4),
             )
-            entry.told = entry.count
-        self._told_us = now_us
+            entry.reported = entry.count
+        self._reported_us = now_us
         beat = self._heartbeat if self.state("heartbeat", now_us) == "ok" else None
         conditions = self.conditions(now_us, clocks.offset_s is not None)
         return Health(

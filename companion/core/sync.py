@@ -226,7 +226,7 @@ class Synchroniser:
         ready = []
         while self._waiting:
             head = self._waiting[0]
-            if self._telemetry and not self._told(head):
+            if self._telemetry and not self._velocity_due(head):
                 # A frame that jumped with the clock waits at most as long as it takes to see that.
                 waited_us = abs(self.now_us - head.steady_us)
                 if waited_us <= self._s.attitude_wait_s * 1e6:
@@ -234,7 +234,7 @@ class Synchroniser:
             ready.append(self._leave(self._waiting.popleft(), "attitude_late"))
         return ready
 
-    def _told(self, waiting: _Waiting) -> bool:
+    def _velocity_due(self, waiting: _Waiting) -> bool:
         """Whether all is there that tells of an exposure."""
         newest_us = self._attitudes.newest_us
         if newest_us is None or not self.clock.settled:
@@ -254,9 +254,9 @@ class Synchroniser:
             if self.clock.settled:
                 boot_us = self._boot_us(waiting)
                 attitude = self._attitudes.at(boot_us, math.hypot(self.clock.std_s, self._late_std_s))
-                told = self._velocities.at(boot_us)
-                if told is not None:
-                    velocity, age_s, noise = told
+                found = self._velocities.at(boot_us)
+                if found is not None:
+                    velocity, age_s, noise = found
             if attitude == "attitude_not_yet":
                 attitude = reason
         return ReadyFrame(

@@ -61,7 +61,7 @@ class VelocityBuffer:
 
     def clear(self) -> None:
         """Forget everything, as after a reboot."""
-        self._told: deque[tuple[int, Vector3]] = deque(maxlen=KEPT)
+        self._samples: deque[tuple[int, Vector3]] = deque(maxlen=KEPT)
         self._times: deque[int] = deque(maxlen=KEPT)
         self._filtered: deque[Vector3] = deque(maxlen=KEPT)
         """Accelerations (m/s^2, NED) as the filter lets them through."""
@@ -88,12 +88,12 @@ class VelocityBuffer:
 
     def add_velocity(self, boot_us: int, velocity: Vector3) -> bool:
         """Take one velocity (m/s, NED); False if it does not come after the newest one."""
-        told, boot_us = self._told, boot_us - self._age_us
-        if told and boot_us <= told[-1][0]:
+        samples, boot_us = self._samples, boot_us - self._age_us
+        if samples and boot_us <= samples[-1][0]:
             return False
-        if told and self.carried and self._jumped(boot_us, velocity):
-            told.clear()
-        told.append((boot_us, velocity))
+        if samples and self.carried and self._jumped(boot_us, velocity):
+            samples.clear()
+        samples.append((boot_us, velocity))
         self._compare()
         return True
 
@@ -138,14 +138,14 @@ class VelocityBuffer:
         that tells nothing, on the straight line between two messages. None without a message that is near enough.
         """
         if self.carried:
-            found = self._carry(boot_us, len(self._told))
+            found = self._carry(boot_us, len(self._samples))
             if found is not None:
                 return np.array(found), 0.0, math.sqrt(self._carried2 / 3)
         straight = self._straight(boot_us)
         return None if straight is None else (*straight, math.sqrt(self._straight2 / 3))
 
     def _jumped(self, boot_us: int, velocity: Vector3) -> bool:
-        before_us, before = self._told[-1]
+        before_us, before = self._samples[-1]
         gain = self._gain(before_us, boot_us)
         return gain is not None and math.dist(velocity, _sum(before, gain)) > JUMP_M_S
 
@@ -168,9 +168,9 @@ class VelocityBuffer:
 
     def _carry(self, boot_us: int, end: int) -> Vector3 | None:
         """The mean of the velocities before number ``end``, carried to a moment behind them or a little before."""
-        told, total, count = self._told, (0.0, 0.0, 0.0), 0
+        samples, total, count = self._samples, (0.0, 0.0, 0.0), 0
         for k in range(end - 1, -1, -1):
-            at_us, velocity = told[k]
+            at_us, velocity = samples[k]
             if at_us < boot_us - self._span_us and count:
                 break
             if at_us < boot_us - self._max_age_us or at_us > boot_us + self._max_age_us:
@@ -183,15 +183,19 @@ class VelocityBuffer:
 
     def _straight(self, boot_us: int) -> tuple[NDArray[np.float64], float] | None:
         """Interpolated between two messages; just behind the last one it goes on as it changed before."""
-        told, max_age_us = self._told, self._max_age_us
-        k = next((k for k in range(len(told) - 1, -1, -1) if told[k][0] <= boot_us), -1)
-        near = [told[i] for i in (k, k + 1) if 0 <= i < len(told) and abs(told[i][0] - boot_us) <= max_age_us]
+        samples, max_age_us = self._samples, self._max_age_us
+        k = next((k for k in range(len(samples) - 1, -1, -1) if samples[k][0] <= boot_us), -1)
+        near = [
+            samples[i]
+            for i in (k, k + 1)
+            if 0 <= i < len(samples) and abs(samples[i][0] - boot_us) <= max_age_us
+        ]
         if not near:
             return None
         age_s = min(abs(at_us - boot_us) for at_us, _ in near) * 1e-6
-        first = k if k + 1 < len(told) else k - 1
+        first = k if k + 1 < len(samples) else k - 1
         if first >= 0:
-            (from_us, before), (to_us, after) = told[first], told[first + 1]
+            (from_us, before), (to_us, after) = samples[first], samples[first + 1]
             interval_us = to_us - from_us
             if interval_us <= max_age_us and boot_us - to_us <= interval_us:
                 share = (boot_us - from_us) / interval_us
@@ -200,10 +204,10 @@ class VelocityBuffer:
 
     def _compare(self) -> None:
         """Hold the last message but one, behind which the accelerometer has told all, against both ways to it."""
-        told = self._told
-        if len(told) < 3:
+        samples = self._samples
+        if len(samples) < 3:
             return
-        (before_us, before), (at_us, velocity), (after_us, after) = (told[k] for k in (-3, -2, -1))
+        (before_us, before), (at_us, velocity), (after_us, after) = (samples[k] for k in (-3, -2, -1))
         if after_us - before_us > 2 * self._max_age_us:
             return
         interval_s = (after_us - at_us) * 1e-6
@@ -212,7 +216,7 @@ class VelocityBuffer:
         weight = max(1 / (self._seen + 1), -math.expm1(-interval_s / MEMORY_S))
         self._seen += 1
         self._straight2 += weight * (math.dist(straight, velocity) ** 2 - self._straight2)
-        carried = self._carry(at_us, len(told) - 2)
+        carried = self._carry(at_us, len(samples) - 2)
         if carried is None:
             self._compared, self._carried2 = 0, 0.0
             return
@@ -223,10 +227,12 @@ class VelocityBuffer:
 
     def _learn(self, at_us: int, velocity: Vector3, interval_s: float) -> None:
         """The accelerometer's bias and delay, from what it says of a change of the velocity."""
-        k = next((k for k in range(len(self._told) - 1, -1, -1) if self._told[k][0] <= at_us - STEP_US), None)
+        k = next(
+            (k for k in range(len(self._samples) - 1, -1, -1) if self._samples[k][0] <= at_us - STEP_US), None
+        )
         if k is None:
             return
-        from_us, before = self._told[k]
+        from_us, before = self._samples[k]
         gain = self._gain(from_us, at_us)
         filtered = self._filtered_at(from_us), self._filtered_at(at_us)
         if gain is None or filtered[0] is None or filtered[1] is None:

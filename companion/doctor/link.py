@@ -57,7 +57,7 @@ class LinkExamination:
             self._fault = "mavlink.connection is not set"
             return
         try:
-            self._link = Link(link_options(settings), self._keep, self._tell)
+            self._link = Link(link_options(settings), self._keep, self._report)
             self._parameters = ParameterReader(self._link)
             self._link.on_frame = self._parameters.frame
             self._link.start()
@@ -128,7 +128,7 @@ class LinkExamination:
         with self._lock:
             self._samples += samples
 
-    def _tell(self, event: DriverEvent) -> None:
+    def _report(self, event: DriverEvent) -> None:
         with self._lock:
             self._events.append(event)
 

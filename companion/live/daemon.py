@@ -91,7 +91,7 @@ class Daemon:
                 self._link.on_frame = self.recording.mavlink
                 on_target = settings.landing.procedure == "landing_target"
                 self._commander = Commander(
-                    self._link, self._inbox.put, self._inbox.tell, on_target=on_target
+                    self._link, self._inbox.put, self._inbox.report, on_target=on_target
                 )
                 self._steering = Steering(settings, self._link, self._commander)
                 self._commander.start()
@@ -154,7 +154,7 @@ class Daemon:
         self._learn_date(samples)
         self.recording.samples(samples)
         for event in (*events, *self._camera.events(), *self.recording.step(now_us())):
-            self.pipeline.tell(event)
+            self.pipeline.report(event)
         if samples:
             if self._steering is not None:
                 self._steering.feed(samples)
@@ -164,7 +164,7 @@ class Daemon:
             self.pipeline.tick(now_us())
         if self._camera.status().stuck and not self.failed:
             self.failed = "every read of the camera hangs in its driver; only a new process can open it again"
-            self.pipeline.tell(DriverEvent("camera_stuck", "error", self.failed, now_us()))
+            self.pipeline.report(DriverEvent("camera_stuck", "error", self.failed, now_us()))
             self.stop()
         self.service.alive()
 
@@ -176,7 +176,7 @@ class Daemon:
                 self.recording.set_settings(settings)
         except (LandslopeError, DriverError, OSError) as error:
             text = f"the settings stay as they are: {str(error).splitlines()[0]}"
-            self.pipeline.tell(DriverEvent("settings_refused", "error", text, now_us()))
+            self.pipeline.report(DriverEvent("settings_refused", "error", text, now_us()))
             return
         self.settings = settings
         self.pipeline.set_settings(settings)
@@ -184,7 +184,7 @@ class Daemon:
         self._preview.set_settings(settings.preview)
         self._publisher.set_settings(settings)
         severity = "warning" if found.refused else "info"
-        self.pipeline.tell(DriverEvent("settings_reloaded", severity, found.text, now_us()))
+        self.pipeline.report(DriverEvent("settings_reloaded", severity, found.text, now_us()))
 
     def _learn_date(self, samples: list[Sample]) -> None:
         """Looks at the wall clock once a second, and at every time that the autopilot sends."""
@@ -195,7 +195,7 @@ class Daemon:
         found += [self._date.autopilot(sample) for sample in samples if isinstance(sample, SystemTime)]
         for event in filter(None, found):
             self.recording.set_date(self._date.offset_us, self._date.source)
-            self.pipeline.tell(event)
+            self.pipeline.report(event)
 
     def _feed_gyro(self, samples: list[Sample]) -> None:
         if self.settings.mavlink.optical_flow:

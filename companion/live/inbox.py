@@ -31,7 +31,7 @@ class Inbox:
             if not self._patient:
                 self._changed.notify()
 
-    def tell(self, event: DriverEvent) -> None:
+    def report(self, event: DriverEvent) -> None:
         """Leave an event."""
         with self._changed:
             self._events.append(event)

@@ -30,7 +30,7 @@ class Inputs:
         with ExitStack() as stack:
             stack.enter_context(SingleInstance(settings.vehicle.name))
             if settings.mavlink.connection:
-                self.link = Link(link_options(settings), self.inbox.put, self.inbox.tell)
+                self.link = Link(link_options(settings), self.inbox.put, self.inbox.report)
                 self.link.start()
                 stack.callback(self.link.close)
             self.camera = (camera or _camera_of(settings))(self.inbox.wake)

@@ -84,7 +84,7 @@ class LivePipeline:
         started = time.perf_counter()
         self._hand_on(self._core.tick(now_us), started)
 
-    def tell(self, event: DriverEvent) -> None:
+    def report(self, event: DriverEvent) -> None:
         """Something happened in a driver."""
         e = event
         self._output(

@@ -94,13 +94,13 @@ class StatusTexts:
     """Turns decisions, health and events into texts, each kind at most once in ``AGAIN_US``."""
 
     def __init__(self) -> None:
-        self._told_us: dict[str, int] = {}
+        self._reported_us: dict[str, int] = {}
         self._verdict = ""
         self._since_us = 0
-        self._told_verdict = "unknown"
-        self._told: dict[tuple[str, str], Condition] = {}
+        self._reported_verdict = "unknown"
+        self._reported: dict[tuple[str, str], Condition] = {}
         self._gone_us: dict[tuple[str, str], int] = {}
-        self._well_told = True
+        self._well_reported = True
         self._id = 0
 
     def decision(self, decision: Decision) -> list[Any]:
@@ -109,9 +109,9 @@ class StatusTexts:
         if decision.verdict != self._verdict:
             self._verdict, self._since_us = decision.verdict, now_us
         stands = abs(now_us - self._since_us) >= STANDS_US
-        if not stands or decision.verdict == self._told_verdict or not self._may("verdict", now_us):
+        if not stands or decision.verdict == self._reported_verdict or not self._may("verdict", now_us):
             return []
-        self._told_verdict = decision.verdict
+        self._reported_verdict = decision.verdict
         if not decision.reason_codes:
             return self._text("info", f"surface {decision.verdict}")
         code = decision.reason_codes[0]
@@ -125,18 +125,18 @@ class StatusTexts:
         texts: list[Any] = []
         for key, found in standing.items():
             self._gone_us.pop(key, None)
-            if key not in self._told and self._may(f"condition {key}", now_us):
-                self._told[key] = found
-                self._well_told = False
+            if key not in self._reported and self._may(f"condition {key}", now_us):
+                self._reported[key] = found
+                self._well_reported = False
                 texts += self._text(found.severity, _short(found))
-        for key in [key for key in self._told if key not in standing]:
+        for key in [key for key in self._reported if key not in standing]:
             gone_us = self._gone_us.setdefault(key, now_us)
             if abs(now_us - gone_us) >= STANDS_US:
-                ended = self._told.pop(key)
+                ended = self._reported.pop(key)
                 if standing and self._may(f"end {key}", now_us):
                     texts += self._text("info", f"over: {_short(ended)}")
-        if not standing and not self._told and not self._well_told and self._may("well", now_us):
-            self._well_told = True
+        if not standing and not self._reported and not self._well_reported and self._may("well", now_us):
+            self._well_reported = True
             texts += self._text("info", "all well")
         return texts
 
@@ -159,10 +159,10 @@ class StatusTexts:
         return self._text(event.severity, text) if self._may(text, event.time_unix_us) else []
 
     def _may(self, kind: str, now_us: int) -> bool:
-        told_us = self._told_us.get(kind)
-        if told_us is not None and abs(now_us - told_us) < AGAIN_US:
+        reported_us = self._reported_us.get(kind)
+        if reported_us is not None and abs(now_us - reported_us) < AGAIN_US:
             return False
-        self._told_us[kind] = now_us
+        self._reported_us[kind] = now_us
         return True
 
     def _text(self, severity: str, text: str) -> list[Any]:

@@ -146,7 +146,7 @@ def share_line(history: History) -> str:
 
 def fit_line(history: History) -> str:
     """Since when and how long the surface was fit."""
-    first = next((told for told in history.decisions if told[1].verdict == "fit"), None)
+    first = next((entry for entry in history.decisions if entry[1].verdict == "fit"), None)
     if first is None:
         against = Counter(reason.partition(":")[0] for e in history.estimates for reason in e.against_flat)
         why = f"; most often: {against.most_common(1)[0][0]}" if against else ""
@@ -160,13 +160,13 @@ def fit_line(history: History) -> str:
 
 def landing_lines(history: History) -> Iterator[str]:
     """The request to land and what became of it, or why there was none."""
-    told = [(at_s, e) for at_s, e in history.events if e.event in LANDING_EVENTS]
-    for at_s, event in told:
+    events = [(at_s, e) for at_s, e in history.events if e.event in LANDING_EVENTS]
+    for at_s, event in events:
         if event.event == "landing_requested":
             yield f"requested at {at_s:.1f} s (frame {event.frame})"
         else:
             yield f"{at_s:.1f} s: {event.text}"
-    if told:
+    if events:
         return
     fit = [(at_s, d) for at_s, d in history.decisions if d.verdict == "fit"]
     ready_s = next((at_s for at_s, d in fit if not [w for w in d.withheld if w != NOT_ENABLED]), None)
@@ -189,11 +189,11 @@ def _refusals(history: History) -> Iterator[str]:
 
 
 def _trouble(history: History) -> Iterator[str]:
-    told = [t for t in history.events if t[1].severity != "info" and t[1].event not in LANDING_EVENTS]
-    often = Counter(event.event for _, event in told)
+    events = [t for t in history.events if t[1].severity != "info" and t[1].event not in LANDING_EVENTS]
+    often = Counter(event.event for _, event in events)
     shown: Counter[str] = Counter()
     lines = []
-    for at_s, event in told:
+    for at_s, event in events:
         shown[event.event] += 1
         if often[event.event] <= TROUBLE_REPEATED:
             lines.append(f"{at_s:5.1f} s  {event.text}")
@@ -201,8 +201,8 @@ def _trouble(history: History) -> Iterator[str]:
             name = event.event.replace("_", " ")
             lines.append(f"{at_s:5.1f} s  {event.text} ({name} {often[event.event]} times)")
     yield from lines[:TROUBLE_SHOWN]
-    if len(told) > min(len(lines), TROUBLE_SHOWN):
-        yield f"{len(told)} in all: --events FILE.jsonl has them"
+    if len(events) > min(len(lines), TROUBLE_SHOWN):
+        yield f"{len(events)} in all: --events FILE.jsonl has them"
 
 
 def _middle(inclination: np.ndarray) -> float:

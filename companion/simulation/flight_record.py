@@ -8,7 +8,7 @@ import numpy as np
 
 from companion.core.approach import Ordered
 from companion.core.core import Output, Processed
-from companion.core.judge import LandRequest
+from companion.core.decision_logic import LandRequest
 from companion.live.recording import flight_papers
 from companion.messages.messages import encode, topic_of
 from companion.settings.settings import Settings

@@ -106,7 +106,7 @@ class FlightResult:
         """A message's time since the flight's start."""
         return (time_unix_us - self.epoch_us) / 1e6
 
-    def judge(self, expect: Expectation) -> list[str]:
+    def deviations(self, expect: Expectation) -> list[str]:
         """What went otherwise than it should, in words; empty when nothing did."""
         wrong = [
             f"a landing was requested over ground that is not fit for it, at {r.time_s:.1f} s: "
@@ -156,8 +156,8 @@ def in_words(result: FlightResult) -> str:
     if not result.requests:
         lines.append("  requested  no landing")
     if result.steps:
-        told = result.steps[-1].step
-        lines.append(f"  procedure  {told.state.value}: {told.words}")
+        final = result.steps[-1].step
+        lines.append(f"  procedure  {final.state.value}: {final.words}")
         d = flown(result)
         lines.append(
             f"  descent    divergence {d.divergence:.2f} +- {d.divergence_std:.3f} 1/s, {d.hand_over_m_s:.2f} m/s "

@@ -69,7 +69,7 @@ def fitness(truth: FrameTruth, max_inclination_deg: float) -> Fitness:
     return "between"
 
 
-def tellable(truth: FrameTruth, area: LandingArea, camera: CameraModel) -> bool:
+def measurable(truth: FrameTruth, area: LandingArea, camera: CameraModel) -> bool:
     """Whether the ground where it would land can be known: from straight below to the stopping point in view now and
     half a second ago, from low enough for what the settings ask for."""
     o = area.options

@@ -14,14 +14,14 @@ import cv2
 
 from companion.core.approach import Ordered
 from companion.core.core import Output, Processed
-from companion.core.judge import LandRequest
+from companion.core.decision_logic import LandRequest
 from companion.core.landing_watch import LandingWatch
 from companion.live.live_pipeline import LivePipeline
 from companion.messages.messages import Message
 from companion.settings.settings import Settings
 from companion.simulation.flight_record import FlightRecord
 from companion.simulation.flight_result import FlightResult, FlownStep, PathPoint, Request, path_point
-from companion.simulation.ground import PATCH_M, Patch, fitness, patch, tellable
+from companion.simulation.ground import PATCH_M, Patch, fitness, measurable, patch
 from companion.simulation.hardware import NAV_LAND, LocalControls
 from companion.simulation.pilot import Pilot
 from companion.simulation.scenario import Scenario
@@ -215,7 +215,8 @@ class _Flight:
         fit = word == "fit" and time_s >= self._scenario.pilot.switch_on_s
         self._fit_s = self._fit_s + period_s if fit else 0.0
         result.longest_fit_s = max(result.longest_fit_s, self._fit_s)
-        self._chance_s = self._chance_s + period_s if fit and tellable(truth, self._area, self._scene.camera_model) else 0.0
+        chance = fit and measurable(truth, self._area, self._scene.camera_model)
+        self._chance_s = self._chance_s + period_s if chance else 0.0
         result.longest_chance_s = max(result.longest_chance_s, self._chance_s)
 
     def _deliver(self, time_s: float) -> None:

@@ -234,10 +234,10 @@ def fly_one(seed: int, config: Path | None = None, overrides: Sequence[str] = ()
     scenario = scenario_of(seed)
     options = LockstepOptions(truth_every=TRUTH_EVERY, stop_at_request=True)
     limit_deg = scenario.flight_settings(config, overrides).decision.max_inclination_deg
-    return judge(scenario, fly(scenario, config, overrides, options), limit_deg)
+    return classify(scenario, fly(scenario, config, overrides, options), limit_deg)
 
 
-def judge(scenario: Scenario, result: FlightResult, max_inclination_deg: float) -> Run:
+def classify(scenario: Scenario, result: FlightResult, max_inclination_deg: float) -> Run:
     """What a flight of a random scenario amounts to."""
     request = result.requests[0] if result.requests else None
     below = result.touch_ground or (request.below if request else None)

@@ -43,7 +43,7 @@ def draw(result: FlightResult, scenario: Scenario, path: Path) -> None:
             axis.axvline(request.time_s, color="black", lw=1.2)
     for axis in (section, inclination, height):
         axis.spines[["top", "right"]].set_visible(False)
-    wrong = result.judge(scenario.expect)
+    wrong = result.deviations(scenario.expect)
     figure.suptitle(
         f"{result.name}: {'; '.join(wrong) if wrong else scenario.basics.description}", fontsize=12
     )

@@ -37,8 +37,8 @@ ROLLING_SHARE, KNOWN_SHARE, LONGEST_READOUT_S = 0.7, 0.5, 0.03
 """Shares of flights with a rolling shutter, and of those whose readout is set."""
 
 SLOWS_SHARE, SLOWS_AT_S, CREEPS = 0.7, (1.5, 3.0), 0.06
-"""Share of the flights that slow down as a pilot does before a landing, when, and the fastest then over the height, 1/s:
-the autopilot lands at the stopping point, which only then lies on measured ground."""
+"""Share of the flights that slow down as a pilot does before a landing, when, and the largest speed then over the
+height, 1/s: the autopilot lands at the stopping point, which only then lies on measured ground."""
 
 Surfaces = tuple[dict[str, Any], ...]
 

@@ -63,13 +63,13 @@ class Scene:
             self.world, self.lens, texture_seed=scenario.basics.texture_seed, texture_size=TEXTURE_SIZE
         )
         self.camera = SimulatedCamera(renderer, _sensor(scenario), seed=scenario.basics.seed)
-        judge = renderer
+        truth_renderer = renderer
         if threads:
             # A renderer is not safe for threads: the truth may be asked for while a picture is being made.
-            judge = Renderer(
+            truth_renderer = Renderer(
                 self.world, self.lens, texture_seed=scenario.basics.texture_seed, texture_size=TEXTURE_SIZE
             )
-        self._judge = SimulatedCamera(judge, _sensor(scenario), seed=scenario.basics.seed)
+        self._truth_camera = SimulatedCamera(truth_renderer, _sensor(scenario), seed=scenario.basics.seed)
         self.poses = PoseHistory()
         self.poses.add(self.vehicle)
         loops = [f.loop_s for f in scenario.faults if f.kind in _REPEATS]
@@ -98,7 +98,7 @@ class Scene:
 
     def truth(self, number: int, time_s: float) -> FrameTruth:
         """The truth of the exposure at ``time_s``; its time counts from the autopilot's boot."""
-        truth = self._judge.truth(number, time_s, self.poses.at)
+        truth = self._truth_camera.truth(number, time_s, self.poses.at)
         return _since_boot(truth, self.scenario.link.since_boot_s)
 
     def fault(self, kind: str, time_s: float) -> Fault | None:

@@ -61,11 +61,11 @@ def _hovering(s: Scenario, r: random.Random) -> Scenario:
     return _flown(s, height, Leg(60, forward_m_s=round(r.uniform(0, 0.1), 2)), seconds=9.0)
 
 
-def _velocity(scale: float, told: bool = True) -> Change:
+def _velocity(scale: float, sent: bool = True) -> Change:
     def change(s: Scenario, r: random.Random) -> Scenario:
         """High over rubble, with a velocity that is not the vehicle's."""
         height = math.exp(r.uniform(math.log(4), math.log(32)))
-        sensors = replace(s.sensors, velocity_scale=scale, velocity_told=told)
+        sensors = replace(s.sensors, velocity_scale=scale, velocity_told=sent)
         s = replace(s, sensors=sensors, surfaces=_rubble(r, 0.15, 0.45))
         return _level_flight(s, r, height, (0.15, 0.4))
 
@@ -195,7 +195,7 @@ UNKIND: dict[str, Change] = {
     "drifting": _drifting,
     "braking": _braking,
     "hovering": _hovering,
-    "velocity_missing": _velocity(1.0, told=False),
+    "velocity_missing": _velocity(1.0, sent=False),
     "velocity_zero": _velocity(0.0),
     "velocity_tenth": _velocity(0.1),
     "smooth_box": _smooth_box,

@@ -102,11 +102,11 @@ class PicameraGrabber:
         return data
 
 
-def _refusal(number: int, told: dict[str, str]) -> DriverError:
+def _refusal(number: int, refusal: dict[str, str]) -> DriverError:
     """What the process could not do, and what to do."""
-    if told["where"] == "camera":
-        return DriverError(f"Raspberry Pi camera {number}: {told['text']}; is its cable in place?")
-    text, remedy = _import_trouble(told["kind"], told["missing"], told["text"])
+    if refusal["where"] == "camera":
+        return DriverError(f"Raspberry Pi camera {number}: {refusal['text']}; is its cable in place?")
+    text, remedy = _import_trouble(refusal["kind"], refusal["missing"], refusal["text"])
     return DriverError(f"{text}: {remedy}", remedy)
 
 

@@ -56,13 +56,13 @@ def run(out, camera, size, frame_us, exposure_us, gain):
 
 def fail(out, where, error):
     """Say what went wrong; the exit code."""
-    told = {
+    refusal = {
         "where": where,
         "kind": type(error).__name__,
         "text": " ".join(str(error).split())[:200],
         "missing": (error.name or "") if isinstance(error, ModuleNotFoundError) else "",
     }
-    data = json.dumps(told).encode()
+    data = json.dumps(refusal).encode()
     write(out, FAULT + LENGTH.pack(len(data)) + data)
     return 1
 

@@ -158,7 +158,7 @@ class ReaderCamera(Camera):
             if worker.abandoned.is_set():
                 return
             if grab.remark is not None:
-                self._tell(grab.remark[0], "warning", grab.remark[1])
+                self._report(grab.remark[0], "warning", grab.remark[1])
             frame = Frame(self._grabbed, grab.captured_us, now_us(), grab.image)
             self._grabbed += 1
             sample = self._check.check(frame)
@@ -179,17 +179,17 @@ class ReaderCamera(Camera):
             if (state, problem) == (self._state, self._problem):
                 return
             if state == "lost":
-                self._tell("camera_lost", "warning", problem)
+                self._report("camera_lost", "warning", problem)
             elif state == "ok" and self._state == "lost":
-                self._tell("camera_back", "info", f"{self._name} gives frames again")
+                self._report("camera_back", "info", f"{self._name} gives frames again")
             elif state == "ended":
-                self._tell("camera_ended", "info", f"{self._name} is at its end")
+                self._report("camera_ended", "info", f"{self._name} is at its end")
             self._state, self._problem = state, problem
             self._changed.notify_all()
         if self._notify is not None:
             self._notify()
 
-    def _tell(self, event: str, severity: str, text: str) -> None:
+    def _report(self, event: str, severity: str, text: str) -> None:
         self._events.append(DriverEvent(event, severity, text, now_us()))
 
 

@@ -86,7 +86,7 @@ class VehicleIdentity:
         self._sequence = SequenceCheck()
         self._heard_us: int | None = None
 
-    def judge(self, frame: WireFrame, sender: Address, now_us: int) -> Sender | RefusalCode:
+    def check(self, frame: WireFrame, sender: Address, now_us: int) -> Sender | RefusalCode:
         """Whose frame it is, or the reason to refuse it."""
         autopilot = frame.component == self._component and _autopilot_heartbeat(frame)
         if self.system_id is None and autopilot:

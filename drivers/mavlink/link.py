@@ -178,7 +178,7 @@ class Link:
             reason = self._signer.refusal(frame)
             if reason is not None:
                 return self._refuse(reason, frame, sender, now_us)
-        verdict = self._identity.judge(frame, sender, now_us)
+        verdict = self._identity.check(frame, sender, now_us)
         if verdict == Sender.NOBODY_YET:
             self.counters["frames before a heartbeat"] += 1
             return []
@@ -304,7 +304,7 @@ class Link:
                     self.raw_out(answer)
             for request in self.rates.due(now_us):
                 self.send(request.command(self.system_id, self.options.autopilot_component))
-            self._tell_slow(now_us)
+            self._report_slow(now_us)
             ts1_ns = self._timesync.due(host_now_us())
             if ts1_ns is not None:
                 self.send(dialect.MAVLink_timesync_message(0, ts1_ns))
@@ -324,7 +324,7 @@ class Link:
         """Whether a signing key is set here, and nothing but unsigned messages came."""
         return self.system_id is None and self.counters[f"refused: {RefusalCode.UNSIGNED}"] > 0
 
-    def _tell_slow(self, now_us: int) -> None:
+    def _report_slow(self, now_us: int) -> None:
         slow = self.slow
         for name in slow.keys() - self._slow:
             text = f"{name} comes at {slow[name]:.1f} Hz, {self.rates.wanted_hz[name]:g} Hz were asked for"

@@ -21,7 +21,7 @@ class _Stream:
     asked: int = 0
     ask_at_us: int = 0
     slow_since_us: int | None = None
-    told_slow: bool = False
+    reported_slow: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +109,7 @@ class MessageRates:
         elif stream.slow_since_us is None:
             stream.slow_since_us = now_us
         since_us = stream.slow_since_us
-        stream.told_slow = since_us is not None and now_us - since_us >= self.patience_s * 1e6
+        stream.reported_slow = since_us is not None and now_us - since_us >= self.patience_s * 1e6
 
     @property
     def rates_hz(self) -> dict[str, float]:
@@ -119,4 +119,6 @@ class MessageRates:
     @property
     def slow(self) -> dict[str, float]:
         """Messages that have come too rarely for ``patience_s`` although they were asked for: name -> rate."""
-        return {name: s.rate_hz for name, s in self._streams.items() if s.told_slow and s.rate_hz is not None}
+        return {
+            name: s.rate_hz for name, s in self._streams.items() if s.reported_slow and s.rate_hz is not None
+        }

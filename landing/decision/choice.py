@@ -7,9 +7,9 @@ from landing.ground.spots import Spot
 
 FAR_HAZARD_M = 1.0
 """Clearance beyond this counts no more."""
-WAY_WORTH = 0.25
+WAY_COST = 0.25
 """A metre of way counts as much as so many metres of clearance."""
-INCLINATION_WORTH, STEP_WORTH = 0.05, 10.0
+INCLINATION_COST, STEP_COST = 0.05, 10.0
 """A degree of inclination, and a metre of step, count as much as so many metres of clearance."""
 CLEARLY_M = 0.4
 """Clearance by which another place must be better."""
@@ -25,7 +25,7 @@ def merit(spot: Spot) -> float:
     """In metres of clearance."""
     way = math.hypot(spot.north_m, spot.east_m)
     near = min(spot.clearance_m, FAR_HAZARD_M)
-    return near - WAY_WORTH * way - INCLINATION_WORTH * spot.inclination_deg - STEP_WORTH * spot.step_m
+    return near - WAY_COST * way - INCLINATION_COST * spot.inclination_deg - STEP_COST * spot.step_m
 
 
 class Choice:

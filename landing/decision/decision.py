@@ -35,7 +35,7 @@ def against_flat(
         _inclination(estimate, options, widen),
         _roughness(estimate, options, widen),
         _obstacles(estimate, options),
-        Reason(Code.APPEARANCE_CHANGE) if estimate.unlike else None,
+        Reason(Code.APPEARANCE_CHANGE) if estimate.appearance_change else None,
         _coverage(estimate, options),
     )
     return tuple(reason for reason in found if reason is not None)
@@ -67,9 +67,9 @@ def _roughness(estimate: SurfaceEstimate, o: DecisionOptions, widen: float) -> R
 
 
 def _obstacles(estimate: SurfaceEstimate, o: DecisionOptions) -> Reason | None:
-    if not estimate.standing > o.max_standing:
+    if not estimate.obstacle_points > o.max_standing:
         return None
-    return Reason(Code.OBSTACLE_POINTS, Certainty.CERTAIN, estimate.standing, limit=o.max_standing)
+    return Reason(Code.OBSTACLE_POINTS, Certainty.CERTAIN, estimate.obstacle_points, limit=o.max_standing)
 
 
 def _coverage(estimate: SurfaceEstimate, o: DecisionOptions) -> Reason | None:

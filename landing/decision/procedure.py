@@ -89,7 +89,7 @@ class Procedure:
         before = self.state, self.why
         self._seen_s, self._place = i.time_s, i.place_ned
         order = self._fly(i) if self.state in MOVING else self._rest(i)
-        return self._told(order, before)
+        return self._step(order, before)
 
     def watch(
         self, time_s: float, objections: tuple[Withheld, ...], mode: str | None, quiet: bool
@@ -103,9 +103,9 @@ class Procedure:
             ended = Why.NO_FRAMES, ""
         if ended is None:
             return None
-        return self._told(self._give_back(*ended, mode, quiet), before)
+        return self._step(self._give_back(*ended, mode, quiet), before)
 
-    def _told(self, order: Order, before: tuple[State, Why]) -> Step:
+    def _step(self, order: Order, before: tuple[State, Why]) -> Step:
         changed = (self.state, self.why) != before
         return Step(order, self.state, self.why, changed, self._choice.spot_ned, self._about, self._place)
 
@@ -196,8 +196,8 @@ class Procedure:
         """Back and forth across the heading, within the reach of the search."""
         known = math.isfinite(i.height_m)
         self._choice.step(i, self._origin)
-        told = self._choice.spot_ned is not None or i.below.verdict != UNKNOWN
-        if i.time_s - self._since_s >= LOOK_LEAST_S and known and told:
+        known_below = self._choice.spot_ned is not None or i.below.verdict != UNKNOWN
+        if i.time_s - self._since_s >= LOOK_LEAST_S and known and known_below:
             self._go(State.CHOOSE, Why.CHOOSING, i.time_s)
             return STILL
         climb = self._climb(i)

@@ -43,7 +43,7 @@ _NO_SECOND_MAP = np.empty((0, 0), np.float32)
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class BorderStep:
     """Blocks at a side: their middles (k, 2) px, height over the distance, share of the view's mean square height.
 
     ``sure``: by ``border_sigmas``, not only by ``border_side_sigmas``. ``lasting``: the same side stood out for
@@ -143,10 +143,10 @@ class Border:
         self._scatter = 1.0
         self.incoming: set[int] = set()
         """The sides where ground came in at the last step."""
-        self.suspect: Standing | None = None
+        self.suspect: BorderStep | None = None
         """What may stand out there: a whole side, less surely, or what did so a little before."""
 
-    def step(self, views: Views, plane: Plane) -> Standing | None:
+    def step(self, views: Views, plane: Plane) -> BorderStep | None:
         """What surely stands out at the sides of the newest frame, None where nothing does.
 
         After a look that found nothing the next is due when some ground has come in (``border_step_px``).
@@ -164,13 +164,13 @@ class Border:
         self._came_px = 0.0
         places = self._places(self._before(views, plane, self._gaps(views, plane)))
         self.incoming = {place.side for place in places}
-        found: list[Standing] = []
+        found: list[BorderStep] = []
         for number in self.incoming:
             strips = self._strips(views, [place for place in places if place.side == number])
-            found += self._standing(strips)
+            found += self._steps(strips)
             self._learn(strips)
-        sure = [standing for standing in found if standing.sure]
-        last, self._last = self._last if follows else set(), {standing.side for standing in sure}
+        sure = [step for step in found if step.sure]
+        last, self._last = self._last if follows else set(), {step.side for step in sure}
         if sure:
             self._since_px = 0.0
             most = self.suspect = _largest(sure)
@@ -297,7 +297,7 @@ class Border:
         common = (left * by_height).sum(axis=1) / np.maximum((by_height**2).sum(axis=1), 1e-9)
         return _Strips(places, height - common[:, None], information)
 
-    def _standing(self, strips: _Strips) -> list[Standing]:
+    def _steps(self, strips: _Strips) -> list[BorderStep]:
         """The runs of blocks that stand out, in each strip and of each length the one that adds most.
 
         In a whole side the errors of its blocks even out, and of many runs one is off by chance: less is asked of it.
@@ -323,7 +323,7 @@ class Border:
                     middles = side.middles[place.begin + _DEPTH // 2, best : best + length]
                     square = float(means[best] ** 2) * share
                     sure = bool(aways[best] > o.border_sigmas)
-                    out.append(Standing(place.side, middles, float(means[best]), square, sure))
+                    out.append(BorderStep(place.side, middles, float(means[best]), square, sure))
         return out
 
     def _learn(self, strips: _Strips) -> None:
@@ -338,5 +338,5 @@ class Border:
                 self._scatter += _LEARNT * (typical - self._scatter)
 
 
-def _largest(found: list[Standing]) -> Standing:
-    return max(found, key=lambda standing: standing.mean_square)
+def _largest(found: list[BorderStep]) -> BorderStep:
+    return max(found, key=lambda step: step.mean_square)

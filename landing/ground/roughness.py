@@ -42,7 +42,7 @@ class Relief:
     roughness: float
     roughness_std: float
     gross: int
-    standing: int
+    obstacle_points: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,9 +79,9 @@ class ReliefMap:
         if plane.status != "ok" or plane.gap < 1:
             return None
         slots, h, s, h2, s2, gross = self._measure(views, plane)
-        stands = np.abs(h) > o.standing_sigmas * s
-        standing = self._standing(tracker, slots, h, stands)
-        unknown = Relief(slots, h, s, math.nan, math.nan, gross, standing)
+        significant = np.abs(h) > o.standing_sigmas * s
+        obstacle_points = self._obstacle_points(tracker, slots, h, significant)
+        unknown = Relief(slots, h, s, math.nan, math.nan, gross, obstacle_points)
         if len(slots) < o.min_roughness_tracks:
             return unknown
         twice = np.isfinite(h2)
@@ -90,8 +90,8 @@ class ReliefMap:
         variance = np.where(twice, s * s2, variance)
         pixels = tracker.pixels.take(slots, 0)
         cell = self._cells.of(pixels)
-        stands &= np.abs(h) > o.relief_scale
-        self._remember(views, slots, pixels, h, s, h2, s2, stands, cell)
+        significant &= np.abs(h) > o.relief_scale
+        self._remember(views, slots, pixels, h, s, h2, s2, significant, cell)
         # where something is measured now, that counts
         lost, lost_height = self.memory.unseen(self._cells.marked(cell))
         if len(lost):
@@ -109,7 +109,7 @@ class ReliefMap:
         rough_std = math.sqrt(mean_square + spread) - rough
         if rough_std > o.max_roughness_std:
             return unknown
-        return Relief(slots, h, s, rough, rough_std, gross, standing)
+        return Relief(slots, h, s, rough, rough_std, gross, obstacle_points)
 
     def _measure(
         self, views: Views, plane: Plane
@@ -190,21 +190,23 @@ class ReliefMap:
         old = age >= gaps[-1]
         return gaps, slots.compress(old), np.searchsorted(-gaps, -age.compress(old))
 
-    def _standing(self, tracker: FeatureTracker, slots: NDArray[np.intp], h: Array, stands: Marks) -> int:
+    def _obstacle_points(
+        self, tracker: FeatureTracker, slots: NDArray[np.intp], h: Array, significant: Marks
+    ) -> int:
         """How many tracks have stood out for some frames on end; what does not last is a tracking error.
 
         Nor does a height that falls: an error of a young track's place counts less the further it has gone.
         """
         o, born = self.options, tracker.born
-        stands = stands & (np.abs(h) > o.standing_height)
+        significant = significant & (np.abs(h) > o.standing_height)
         streak = np.zeros(len(born), np.int64)
-        if stands.any():
+        if significant.any():
             before = self._measured[(tracker.frame - 1) % len(self._measured)]
             if before is not None and before.frame == tracker.frame - 1:
-                stands &= ~(np.abs(h) < o.standing_kept * np.abs(before.height.take(slots)))
-            standing = slots.compress(stands)
-            same = born.take(standing) == self._born.take(standing)
-            streak[standing] = np.where(same, self._streak.take(standing) + 1, 1)
+                significant &= ~(np.abs(h) < o.standing_kept * np.abs(before.height.take(slots)))
+            obstacle_points = slots.compress(significant)
+            same = born.take(obstacle_points) == self._born.take(obstacle_points)
+            streak[obstacle_points] = np.where(same, self._streak.take(obstacle_points) + 1, 1)
         self._streak, self._born = streak, born.copy()
         return int(np.count_nonzero(streak >= o.standing_frames))
 
@@ -217,13 +219,13 @@ class ReliefMap:
         s: Array,
         h2: Array,
         s2: Array,
-        stands: Marks,
+        significant: Marks,
         cell: NDArray[np.int64],
     ) -> None:
         """Add the points that stand out twice, forget those where the ground is now measured as even."""
         o, tracker = self.options, views.tracker
-        even = self._cells.marked(cell.compress((s < o.relief_scale) & ~stands))
-        sure = stands.nonzero()[0]
+        even = self._cells.marked(cell.compress((s < o.relief_scale) & ~significant))
+        sure = significant.nonzero()[0]
         if len(sure):
             even &= ~self._cells.marked(cell.take(sure))
             twice = (np.abs(h2) > o.standing_sigmas * s2) & (np.sign(h2) == np.sign(h))

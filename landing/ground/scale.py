@@ -11,7 +11,7 @@ _DRIFT = 0.1
 """Relative change of the distance in a second that the view does not show, one sigma: the ground below changes."""
 _GATE = 3.0
 """Standard deviations by which a measurement must differ to start anew."""
-_TOLD_S = 0.3
+_HELD_S = 0.3
 """Time constant over which a measurement must hold, s: of a single velocity its noise may be the whole."""
 
 
@@ -29,12 +29,12 @@ class Scale:
         self.distance_m = math.nan
         self.relative_std = math.inf
         self._noise2 = math.inf
-        self._told = 0.0
+        self._information = 0.0
 
     def forget(self) -> None:
         """Nothing is known."""
         self.distance_m, self.relative_std, self._noise2 = math.nan, math.inf, math.inf
-        self._told = 0.0
+        self._information = 0.0
 
     def step(self, interval_s: float, approach: float, measured_m: float, std_m: float) -> None:
         """Carry on over ``interval_s``; ``approach`` (1/s) is the speed towards the plane over the distance.
@@ -49,7 +49,7 @@ class Scale:
             self.distance_m *= math.exp(-approach * interval_s)
             self._noise2 += _DRIFT**2 * interval_s
             self.relative_std = math.hypot(self.relative_std, _DRIFT * math.sqrt(interval_s))
-            self._told += (1 - math.exp(-interval_s / _TOLD_S)) * (relative**-2 - self._told)
+            self._information += (1 - math.exp(-interval_s / _HELD_S)) * (relative**-2 - self._information)
         if not measures:
             return
         if not math.isfinite(self.distance_m):
@@ -62,8 +62,8 @@ class Scale:
         gain = self._noise2 / (self._noise2 + relative**2)
         self.distance_m *= math.exp(gain * innovation)
         self._noise2 *= 1 - gain
-        if self._told > 0:
-            self.relative_std = min(self.relative_std, self._told**-0.5)
+        if self._information > 0:
+            self.relative_std = min(self.relative_std, self._information**-0.5)
 
     def _begin(self, measured_m: float, relative: float) -> None:
         """Start from a single measurement, whose doubt is not told yet."""

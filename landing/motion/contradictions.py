@@ -78,9 +78,9 @@ def rotation_chi2(
     found = variance / float(prior.max())
     more = axes.T**2 @ np.broadcast_to(np.square(more_std), 3)
     variance = variance + found**2 * more
-    told = variance > _LEAST_SHARE * float(prior.max())
-    along = (axes.T @ mean)[told]
-    return float(np.sum(along**2 / variance[told])), int(np.count_nonzero(told))
+    determined = variance > _LEAST_SHARE * float(prior.max())
+    along = (axes.T @ mean)[determined]
+    return float(np.sum(along**2 / variance[determined])), int(np.count_nonzero(determined))
 
 
 def velocity_chi2(velocity: Array, velocity_std: float, omega: Array, omega_std: Array) -> float:

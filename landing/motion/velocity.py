@@ -82,15 +82,15 @@ def _guided(
     moved = _moved(views, gaps, normal, weight, noise, rotation_std, o)
     if moved is None:
         return None
-    told = VehicleVelocity(*change, o.guided_velocity_std, views.newest.velocity_noise)
+    measured = VehicleVelocity(*change, o.guided_velocity_std, views.newest.velocity_noise)
     # the whole way over the longest gap, in heights and in metres
-    way = told.detour[-1] - told.velocity * moved.tau[-1]
+    way = measured.detour[-1] - measured.velocity * moved.tau[-1]
     square = float(np.dot(way, way))
     per_metre = float(np.dot(way, moved.t[-1])) / square if square > 0 else 0.0
     if per_metre <= 0:
         return None
     covariance = moved.accelerated(o.guided_acceleration_std * per_metre)
-    found = newest_guided(moved.tau, moved.t, covariance, told, per_metre)
+    found = newest_guided(moved.tau, moved.t, covariance, measured, per_metre)
     return found[:2] if found[2] <= o.velocity_agreement else None
 
 
@@ -138,7 +138,7 @@ def newest(tau: Array, t: Array, covariance: Array) -> tuple[Array, Array]:
 
 
 def newest_guided(
-    tau: Array, t: Array, covariance: Array, told: VehicleVelocity, per_metre: float
+    tau: Array, t: Array, covariance: Array, measured: VehicleVelocity, per_metre: float
 ) -> tuple[Array, Array, float]:
     """omega (3,), its standard deviation (3,) and the chi-square of the fit, by generalised least squares.
 
@@ -146,14 +146,18 @@ def newest_guided(
     ``per_metre`` stands in the error's share only. ``t`` and ``covariance`` as for ``newest``.
     """
     columns = np.empty((3, 3, len(tau)))
-    columns[:, 0], columns[:, 1], columns[:, 2] = -tau, told.detour.T, t.T
+    columns[:, 0], columns[:, 1], columns[:, 2] = -tau, measured.detour.T, t.T
     product = columns @ np.linalg.solve(covariance, columns.transpose(0, 2, 1))
-    precision = (per_metre * told.std) ** -2.0
+    precision = (per_metre * measured.std) ** -2.0
     omega, slope, std2 = [0.0] * 3, [0.0] * 3, [0.0] * 3
     information = right = 0.0
     for axis, ((vv, vk, vt), (_, kk, kt), _) in enumerate(product.tolist()):
-        said = float(told.velocity[axis])
-        vv, vk, kk = vv + precision, vk - precision * said, kk + precision * said * said
+        measured_speed = float(measured.velocity[axis])
+        vv, vk, kk = (
+            vv + precision,
+            vk - precision * measured_speed,
+            kk + precision * measured_speed * measured_speed,
+        )
         # omega is eliminated
         omega[axis], slope[axis], std2[axis] = vt / vv, vk / vv, 1 / vv
         information += kk - vk * vk / vv
@@ -163,8 +167,10 @@ def newest_guided(
     if not k > 0:
         return np.full(3, math.nan), np.full(3, math.nan), math.inf
     found = np.array([w - s * k for w, s in zip(omega, slope, strict=True)])
-    std = np.sqrt([v + s * s / information + (k * told.noise) ** 2 for v, s in zip(std2, slope, strict=True)])
+    std = np.sqrt(
+        [v + s * s / information + (k * measured.noise) ** 2 for v, s in zip(std2, slope, strict=True)]
+    )
     # from the residuals: the difference of the sums above cancels to below zero when the velocity is absurd
-    left = t.T + found[:, None] * tau - k * told.detour.T
+    left = t.T + found[:, None] * tau - k * measured.detour.T
     chi_square = float((left * np.linalg.solve(covariance, left[..., None])[..., 0]).sum())
-    return found, std, chi_square + precision * float(np.square(found - k * told.velocity).sum())
+    return found, std, chi_square + precision * float(np.square(found - k * measured.velocity).sum())

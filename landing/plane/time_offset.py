@@ -95,23 +95,23 @@ class TimeOffsetFilter:
         turning = change is not None and float(change[0] @ change[0]) >= _LEAST_CHANGE**2
         if plane.rows_error is not None and self._covariance[1, 1] > 0:
             per_second, taken_out = change if change is not None and turning else (np.zeros(3), np.zeros(3))
-            told = self._of_both(
+            evidence = self._of_both(
                 plane.rotation_error, plane.rows_error, per_second, taken_out, views.rows.readout_s
             )
         elif turning and change is not None:
-            told = self._of_rotation(plane.rotation_error, *change)
+            evidence = self._of_rotation(plane.rotation_error, *change)
         else:
             return
-        self._learn(*told, plane.gap)
+        self._learn(*evidence, plane.gap)
 
     def _of_rotation(self, found: RotationError, per_second: Array, taken_out: Array) -> tuple[Array, Array]:
         """Information (2, 2) about both, and what it says of their errors times it (2,): of the lateness alone."""
         # what the tracks alone tell of d, with the measured rotation's own noise: its precision, and that times d
         precision = found.prior_std**-2.0
-        told = np.diag(precision) - precision[:, None] * found.covariance * precision
+        evidence = np.diag(precision) - precision[:, None] * found.covariance * precision
         # and with the errors of both attitudes, (told^-1 + Q)^-1 = (1 + told Q)^-1 told
-        more = np.eye(3) + self._attitude_error2 * told
-        both = np.linalg.solve(more, np.column_stack((told @ per_second, precision * found.mean)))
+        more = np.eye(3) + self._attitude_error2 * evidence
+        both = np.linalg.solve(more, np.column_stack((evidence @ per_second, precision * found.mean)))
         weight = both[:, 0]
         left = per_second * self.late_s - taken_out
         surprise = float(per_second @ both[:, 1]) - float(weight @ left)

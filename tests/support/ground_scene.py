@@ -91,7 +91,7 @@ def flown(
     *,
     start: tuple[float, float, float] = (0.0, 0.0, 2.0),
     velocity_ned: tuple[float, float, float] = (0.8, 0.0, 0.0),
-    told: tuple[float, float, float] | None = None,
+    measured: tuple[float, float, float] | None = None,
     rate_hz: float = 20.0,
 ) -> list[Observation]:
     """A level flight over it; ``told`` is the velocity that the vehicle reports, if not the true one."""
@@ -99,7 +99,7 @@ def flown(
     v = np.array(velocity_ned)
     for k in range(round(seconds * rate_hz)):
         at = np.array(start) + v * (1, 1, -1) * (k / rate_hz)
-        said = v if told is None else np.array(told)
+        said = v if measured is None else np.array(measured)
         image = scene.picture(at, frame=k)
         out.append(Observation(k, k / rate_hz, image, np.eye(3), 2e-4, said, 0.05))
     return out

@@ -1,4 +1,4 @@
-"""A simulated autopilot, the link to it, MAVSDK and a judge in a thread of its own; what is seen is the test's.
+"""A simulated autopilot, the link to it, MAVSDK and the decision logic in a thread of its own.
 
 The companion's clock is the rig's: it goes on by what has passed since the last step, and by no more than MOST_S, so
 that a machine that is busy elsewhere makes no input old.
@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 
-from companion.core.judge import Judge
+from companion.core.decision_logic import DecisionLogic
 from companion.live.commander import Commander
 from companion.settings.settings import MavlinkSettings
 from drivers.mavlink.link import Link
@@ -29,7 +29,7 @@ class LiveRig:
 
     link: Link
     commander: Commander
-    judge: Judge
+    logic: DecisionLogic
 
     def __init__(self, firmware: Firmware, mode: str, height_m: float) -> None:
         self.vehicle = Multirotor()

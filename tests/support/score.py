@@ -70,42 +70,44 @@ def score(flight: Path, estimates: Iterable[Mapping[str, Any]], max_slope_deg: f
     ok = np.array([row.get("status") == "ok" for row in rows])
     said_flat = ok & np.array([bool(row.get("flat")) for row in rows])
 
-    def told(name: str) -> np.ndarray:
+    def column(name: str) -> np.ndarray:
         values = [row.get(name) if good else None for row, good in zip(rows, ok, strict=True)]
         return np.array([np.nan if v is None else v for v in values], dtype=np.float64)
 
     late = truth["time_boot_s"] - truth["time_boot_s"][0] > WARM_UP_S
     plane = truth["plane_fraction"] >= WHOLE_PLANE
-    judged = ok & plane
+    scored = ok & plane
 
     slope_errors = np.stack(
         [
-            told("slope_x_deg") - np.degrees(np.arctan(truth["slope_a"])),
-            told("slope_y_deg") - np.degrees(np.arctan(truth["slope_b"])),
+            column("slope_x_deg") - np.degrees(np.arctan(truth["slope_a"])),
+            column("slope_y_deg") - np.degrees(np.arctan(truth["slope_b"])),
         ]
-    )[:, judged]
-    inclination_error = np.abs(told("inclination_deg") - truth["inclination_deg"])
-    std = told("inclination_std_deg")
+    )[:, scored]
+    inclination_error = np.abs(column("inclination_deg") - truth["inclination_deg"])
+    std = column("inclination_std_deg")
     flow = np.hypot(truth["cam_wx"], truth["cam_wy"])
-    flow_error = np.hypot(told("ventral_flow_x") - truth["cam_wx"], told("ventral_flow_y") - truth["cam_wy"])
+    flow_error = np.hypot(
+        column("ventral_flow_x") - truth["cam_wx"], column("ventral_flow_y") - truth["cam_wy"]
+    )
     divergence = 2 * truth["cam_wz"] + truth["cam_wx"] * truth["slope_a"] + truth["cam_wy"] * truth["slope_b"]
-    contact = told("time_to_contact_s")
-    approaching = judged & (divergence > LEAST_DIVERGENCE) & np.isfinite(contact) & (contact != 0)
-    moving = judged & (flow > LEAST_FLOW)
-    with_std = judged & (std > 0)
+    contact = column("time_to_contact_s")
+    approaching = scored & (divergence > LEAST_DIVERGENCE) & np.isfinite(contact) & (contact != 0)
+    moving = scored & (flow > LEAST_FLOW)
+    with_std = scored & (std > 0)
 
     even, uneven = truth["relief"] <= EVEN, truth["relief"] >= UNEVEN
     steepness = truth["fit_inclination_deg"]
     landable = late & even & (steepness <= max_slope_deg - SLOPE_MARGIN_DEG)
     unsafe = late & ~landable & (uneven | (steepness >= max_slope_deg + SLOPE_MARGIN_DEG))
-    roughness = told("roughness")
+    roughness = column("roughness")
     rated = late & np.isfinite(roughness)
 
     return Score(
         frames=len(rows),
         coverage=float(ok[plane & late].mean()) if (plane & late).any() else float("nan"),
         slope=_errors(np.abs(slope_errors).ravel()),
-        inclination=_errors(inclination_error[judged]),
+        inclination=_errors(inclination_error[scored]),
         inclination_over_std=_errors(inclination_error[with_std] / std[with_std]),
         ventral_flow=_errors(flow_error[moving] / flow[moving]),
         time_to_contact=_errors(np.abs(contact[approaching] * divergence[approaching] / 2 - 1)),

@@ -71,8 +71,8 @@ def zoom(folder: Path, options: Options | None = None) -> tuple[Array, list[Surf
 
 def time_to_contact_errors(tau: Array, found: list[SurfaceEstimate]) -> Array:
     """Relative errors (n,) of the time to contact; ``tau`` in frames."""
-    told = np.array([e.time_to_contact_s for e in found]) * RATE_HZ
-    return np.abs(told / tau - 1)
+    estimated = np.array([e.time_to_contact_s for e in found]) * RATE_HZ
+    return np.abs(estimated / tau - 1)
 
 
 def figures(errors: Array) -> str:

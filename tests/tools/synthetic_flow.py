@@ -199,7 +199,7 @@ class Flight:
         """The next exposure; ``measured`` is what the autopilot says of the attitude, without it the truth."""
         tracker, camera = self.views.tracker, self.camera
         attitude = np.eye(3) if ned_from_body is None else ned_from_body
-        told = attitude if measured is None else measured
+        measured = attitude if measured is None else measured
         space = (self.points - position_ned) @ (attitude @ camera.body_from_camera)
         place = space[:, :2] / space[:, 2:]
         pixel = camera.project(place) + self.rng.standard_normal(place.shape) * self.noise_px
@@ -213,7 +213,7 @@ class Flight:
         row = tracker.history[tracker.frame % tracker.HISTORY]
         row[:] = np.nan
         row[tracker.alive] = camera.undistort(pixel[tracker.alive])
-        turned = told @ camera.body_from_camera if known else None
+        turned = measured @ camera.body_from_camera if known else None
         rate = None if body_rate is None else body_rate @ camera.body_from_camera
         self.views.add(
             View(tracker.frame, time_s, turned, 1e-5, velocity_ned, velocity_age_s, 0.0, rate, late_s)

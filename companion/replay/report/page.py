@@ -148,8 +148,8 @@ def _map(recorder: ReportRecorder) -> str:
 
 
 def _events(history: History, recorder: ReportRecorder) -> str:
-    told = [(at, e.severity, e.event.replace("_", " "), e.text) for at, e in history.events]
-    told += [
+    lines = [(at, e.severity, e.event.replace("_", " "), e.text) for at, e in history.events]
+    lines += [
         (at, "info", "autopilot", f"mode {mode}, {'armed' if armed else 'disarmed'}")
         for at, mode, armed in recorder.modes
     ]
@@ -161,11 +161,11 @@ def _events(history: History, recorder: ReportRecorder) -> str:
             words.append("a request may go out" if d.permitted else f"withheld: {'; '.join(d.withheld)}")
             if d.command != "none":
                 words.append(f"command {d.command}")
-            told.append((at, "info", "decision", ". ".join(words)))
+            lines.append((at, "info", "decision", ". ".join(words)))
         before = now
-    told.sort(key=lambda line: line[0])
-    rows = [(f"{at:.2f} s", severity, name, text) for at, severity, name, text in told[:MOST_EVENTS]]
-    left = "" if len(told) <= MOST_EVENTS else f"<p>{len(told) - MOST_EVENTS} more are left out.</p>"
+    lines.sort(key=lambda line: line[0])
+    rows = [(f"{at:.2f} s", severity, name, text) for at, severity, name, text in lines[:MOST_EVENTS]]
+    left = "" if len(lines) <= MOST_EVENTS else f"<p>{len(lines) - MOST_EVENTS} more are left out.</p>"
     table = _table("Events and decisions", ("time", "severity", "what", "in words"), rows)
     return f'<section class="card"><h2>Events and reasons</h2>{table}{left}</section>'
 

@@ -23,7 +23,7 @@ TRUE_US = 1_795_298_557 * S
 YEARS_US = TRUE_US - PAST_US
 
 
-def told(date: Date) -> int:
+def reported(date: Date) -> int:
     message = Event(event="x", frame=None, time_unix_us=PAST_US, severity="info", text="")
     return date.dated(message).time_unix_us
 
@@ -32,7 +32,7 @@ def test_a_clock_that_nothing_speaks_for_has_no_date():
     date = Date()
     assert date.wall(WallClock(YEARS_US, ""), 0) is None
     assert not date.known
-    assert told(date) == PAST_US
+    assert reported(date) == PAST_US
 
 
 def test_the_network_sets_the_date_once_and_small_corrections_move_nothing():
@@ -42,11 +42,11 @@ def test_the_network_sets_the_date_once_and_small_corrections_move_nothing():
     assert (event.event, event.details["source"]) == ("date_known", "network")
     assert event.details["offset_s"] == YEARS_US * 1e-6
     assert date.wall(WallClock(YEARS_US + 300_000, "network"), 1) is None
-    assert told(date) == TRUE_US
+    assert reported(date) == TRUE_US
     corrected = date.wall(WallClock(YEARS_US - 3600 * S, "network"), 1)
     assert corrected is not None
     assert corrected.event == "date_corrected"
-    assert told(date) == TRUE_US - 3600 * S
+    assert reported(date) == TRUE_US - 3600 * S
 
 
 def test_a_right_clock_stays_as_it_is():
@@ -54,7 +54,7 @@ def test_a_right_clock_stays_as_it_is():
     event = date.wall(WallClock(1200, "hardware"), 0)
     assert event is not None
     assert date.known
-    assert told(date) == PAST_US
+    assert reported(date) == PAST_US
 
 
 def test_the_autopilots_time_counts_after_three_that_agree_and_the_least_late_one_is_taken():
@@ -83,7 +83,7 @@ def test_times_that_disagree_are_no_witnesses_and_the_wall_clock_goes_before_the
     date.wall(WallClock(0, "network"), 0)
     for k in range(6):
         date.autopilot(SystemTime(PAST_US + k * S, TRUE_US + k * S))
-    assert told(date) == PAST_US
+    assert reported(date) == PAST_US
 
 
 def test_a_board_without_a_battery_has_a_date_when_its_clock_was_set_or_a_hardware_clock_agrees(

@@ -15,15 +15,15 @@ def test_the_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]):
 @pytest.mark.parametrize(("words", "code"), [([], 2), (["--help"], 0), (["help"], 0)])
 def test_without_a_command_all_are_listed(words: list[str], code: int, capsys: pytest.CaptureFixture[str]):
     assert main(words) == code
-    told = capsys.readouterr().out
-    assert all(f"\n  {name} " in told for name in COMMANDS)
+    reported = capsys.readouterr().out
+    assert all(f"\n  {name} " in reported for name in COMMANDS)
 
 
-def test_a_command_that_is_not_there_is_told_with_those_that_are(capsys: pytest.CaptureFixture[str]):
+def test_a_command_that_is_not_there_is_reported_with_those_that_are(capsys: pytest.CaptureFixture[str]):
     assert main(["fly"]) == 2
-    told = capsys.readouterr().err
-    assert told.startswith("landslope: there is no command 'fly'")
-    assert "replay" in told
+    reported = capsys.readouterr().err
+    assert reported.startswith("landslope: there is no command 'fly'")
+    assert "replay" in reported
 
 
 @pytest.mark.parametrize(

@@ -137,7 +137,7 @@ def test_gyro_samples_that_leave_a_hole_are_not_integrated():
     assert holed.rotation_std > 2 * whole.rotation_std
 
 
-def test_samples_out_of_order_are_told():
+def test_samples_out_of_order_are_reported():
     buffer = AttitudeBuffer(NO_DELAY)
     assert buffer.add_attitude(1000, Attitude(0, 0, 0, 0, 0))
     assert not buffer.add_attitude(1000, Attitude(0, 0, 0, 0, 0))

@@ -29,20 +29,20 @@ def test_a_readout_is_reported_once_when_it_has_settled():
     assert names(times, range(10)) == []
     assert times.readout == (None, None)
     found.know(0.0178, 0.0005)
-    told = [event for s in range(10, 30) for event in times.step(float(s), 7, s)]
-    assert [event.event for event in told] == ["readout_found"]
-    assert "set camera.readout_s = 0.0178" in told[0].text
-    assert told[0].details == {"readout_s": 0.0178, "std_s": 0.0005}
+    reported = [event for s in range(10, 30) for event in times.step(float(s), 7, s)]
+    assert [event.event for event in reported] == ["readout_found"]
+    assert "set camera.readout_s = 0.0178" in reported[0].text
+    assert reported[0].details == {"readout_s": 0.0178, "std_s": 0.0005}
     assert times.readout == (0.0178, pytest.approx(0.0005))
 
 
 def test_one_that_still_moves_is_not():
     found, times = watched()
-    told = []
+    reported = []
     for s in range(30):
         found.know(0.01 + 0.0006 * s, 0.0005)
-        told += times.step(float(s), None, s)
-    assert told == []
+        reported += times.step(float(s), None, s)
+    assert reported == []
 
 
 def test_a_global_shutter_makes_no_event_but_health_says_so():

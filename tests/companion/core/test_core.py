@@ -85,7 +85,7 @@ def test_two_runs_give_the_same_bytes(source, samples, outputs):
     assert first == [encode(o) for o in again if isinstance(o, MESSAGES)]
 
 
-def test_health_is_told_every_second(outputs):
+def test_health_is_reported_every_second(outputs):
     health = of(outputs, Health)
     assert 3 <= len(health) <= 5
     assert health[1].state == "ok", health[1].problems
@@ -135,7 +135,7 @@ def test_an_image_of_another_size_is_refused(source, samples):
     assert of(out, Health)[-1].counters["refused frames: image_size"] == 90
 
 
-def test_a_second_vehicle_is_told_once_and_nothing_is_requested(source, samples):
+def test_a_second_vehicle_is_reported_once_and_nothing_is_requested(source, samples):
     strange = Refusal(samples[0].arrival_us, "ATTITUDE", RefusalCode.SECOND_VEHICLE, "from 7:1")
     out = feed(source, [strange, strange, *samples[:600]], enabled=True)
     assert [e.event for e in of(out, Event)].count("second_vehicle") == 1
@@ -165,7 +165,7 @@ def test_a_plain_video_is_processed_without_waiting(recorded):
     assert of(core.finish(), Health)[-1].state == "ok"
 
 
-def test_silence_is_told_while_time_passes(source, samples):
+def test_silence_is_reported_while_time_passes(source, samples):
     core = Core(source.settings, source.camera, calibrated=True, telemetry=True)
     for sample in samples[:300]:
         core.feed(sample)

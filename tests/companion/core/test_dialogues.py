@@ -9,8 +9,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from vehicle_support import tlog_frames
 
 from companion.core.command import NAV_LAND, Command, CommandState
+from companion.core.decision_logic import DecisionLogic, Followed
 from companion.core.health import HealthMonitor
-from companion.core.judge import Followed, Judge
 from companion.messages.messages import Event
 from companion.settings.settings import LandingSettings, Settings
 from drivers.mavlink.telemetry import TelemetryDecoder
@@ -56,17 +56,21 @@ def messages(name: str) -> Iterator[tuple[float, int, object]]:
 
 
 def replayed(name: str, landing: LandingSettings = SWITCH, edit: Edit = unedited) -> Story:
-    """The judge's view: our own requests and holds as they were sent, camera and attitude always well."""
+    """What the decision logic sees: our own requests and holds as they were sent, camera and attitude always well."""
     settings = Settings(landing=landing)
     health = HealthMonitor(settings.health, True)
-    judge, story, decoder = Judge(settings, health, by_pilot=True), Story(), TelemetryDecoder(1, 1, OURS)
+    logic, story, decoder = (
+        DecisionLogic(settings, health, by_pilot=True),
+        Story(),
+        TelemetryDecoder(1, 1, OURS),
+    )
     for at_s, now_us, message in messages(name):
         if message.get_srcComponent() == OURS:
             if message.get_type() == "COMMAND_LONG" and message.command == NAV_LAND:
-                judge._command.request(now_us)
-                judge._consent.permission.use()
+                logic._command.request(now_us)
+                logic._consent.permission.use()
             elif message.get_type() == "COMMAND_LONG" and message.command == dialect.MAV_CMD_DO_SET_MODE:
-                judge.hold()
+                logic.hold()
             continue
         samples = [s for sample in decoder.decode(message, now_us) for s in edit(at_s, sample)]
         health.count(Frame(0, now_us, now_us, None), now_us)
@@ -74,9 +78,9 @@ def replayed(name: str, landing: LandingSettings = SWITCH, edit: Edit = unedited
         for sample in samples:
             health.count(sample, now_us)
             if isinstance(sample, Followed):
-                out = judge.follow(sample, now_us, now_us)
+                out = logic.follow(sample, now_us, now_us)
                 story.events += [(round(at_s, 2), o.event) for o in out if isinstance(o, Event)]
-        if not judge._consent.objections(now_us, command_busy=judge._command.busy):
+        if not logic._consent.objections(now_us, command_busy=logic._command.busy):
             last = story.free[-1][1] if story.free else -1.0
             if at_s - last > 0.5:
                 story.free.append((at_s, at_s))
@@ -103,7 +107,7 @@ def test_a_failsafes_hold_is_not_broken_by_a_switch_turned_on_meanwhile() -> Non
     assert story.free == []
 
 
-def test_each_end_of_a_landing_is_told_as_what_it_was() -> None:
+def test_each_end_of_a_landing_is_reported_as_what_it_was() -> None:
     story = replayed("px4_hold_three_times")
     assert names(story) == ["accepted", "started", "held"] * 2 + ["accepted", "started", "taken_over"] + [
         "accepted",
@@ -162,7 +166,7 @@ def test_after_a_takeover_there_is_silence_until_the_switch_was_turned_off_and_o
     assert names(story)[-1] == "landed"
 
 
-def test_our_own_hold_is_told_as_that() -> None:
+def test_our_own_hold_is_reported_as_that() -> None:
     story = replayed("ardupilot_hold_on_unfit")
     assert names(story) == ["accepted", "started", "held"]
 
@@ -171,31 +175,31 @@ def test_a_takeover_into_the_enabling_mode_is_followed_by_silence() -> None:
     """PX4, a joystick: not recorded, built from what was told of it."""
     settings = Settings(landing=LandingSettings(enable_modes=("POSCTL",)))
     health = HealthMonitor(settings.health, True)
-    judge = Judge(settings, health, by_pilot=True)
+    logic = DecisionLogic(settings, health, by_pilot=True)
     now_us = 1_000_000_000
 
     def see(*samples: Sample) -> list[str]:
         nonlocal now_us
         now_us += 500_000
-        told = []
+        reported = []
         for sample in (Frame(0, now_us, now_us, None), Attitude(now_us, now_us, 0, 0, 0), *samples):
             health.count(sample, now_us)
             if isinstance(sample, Followed):
-                told += [o.event for o in judge.follow(sample, now_us, now_us) if isinstance(o, Event)]
-        return told
+                reported += [o.event for o in logic.follow(sample, now_us, now_us) if isinstance(o, Event)]
+        return reported
 
     def beat(mode: str, armed: bool = True) -> Heartbeat:
         return Heartbeat(now_us, armed, mode, "px4", 4)
 
     def free() -> bool:
-        return not judge._consent.objections(now_us, command_busy=judge._command.busy)
+        return not logic._consent.objections(now_us, command_busy=logic._command.busy)
 
     air = LandedState(0, "in_air")
     see(beat("ALTCTL"), air)
     see(beat("POSCTL"), air)
     assert free()
-    judge._consent.permission.use()
-    judge._command.request(now_us)
+    logic._consent.permission.use()
+    logic._command.request(now_us)
     see(CommandAnswer(now_us, NAV_LAND, "ACCEPTED"), beat("LAND"), LandedState(now_us, "landing"))
     assert "landing_taken_over" in see(beat("POSCTL"), air)
     for step in (beat("POSCTL"), beat("POSCTL", armed=False), beat("LAND"), beat("POSCTL"), beat("POSCTL")):

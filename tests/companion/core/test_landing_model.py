@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.core.command import NAV_LAND
+from companion.core.decision_logic import DecisionLogic, LandRequest
 from companion.core.health import HealthMonitor
-from companion.core.judge import Judge, LandRequest
 from companion.messages.messages import Event
 from companion.settings.settings import LandingSettings, Settings
 from drivers.samples import Attitude, CommandAnswer, Frame, Heartbeat, LandedState, RcChannels, StatusText
@@ -33,12 +33,12 @@ MAKE_REQUESTS = [("landed", "in_air"), ("armed", True)]
 
 
 class Life:
-    """A judge over flat ground, and what the invariants need to know of what it was told."""
+    """The decision logic over flat ground, with its inputs as the invariants need them."""
 
     def __init__(self, way: dict) -> None:
         chosen = Settings(landing=LandingSettings(**way), decision=DecisionOptions(dwell_s=0.0))
         self.health = HealthMonitor(chosen.health, True)
-        self.judge = Judge(chosen, self.health, by_pilot=True)
+        self.logic = DecisionLogic(chosen, self.health, by_pilot=True)
         self.now_us = 1_000_000_000
         self.pulse, self.mode, self.status, self.armed = 1000, "ALTCTL", 4, True
         self.landed = "in_air"
@@ -51,11 +51,11 @@ class Life:
         self.now_us += 100_000
         us = self.now_us
         if name == "hold":
-            self.judge.hold()
+            self.logic.hold()
         elif name == "answer":
-            out += self.judge.follow(CommandAnswer(us, NAV_LAND, str(value)), us, us)
+            out += self.logic.follow(CommandAnswer(us, NAV_LAND, str(value)), us, us)
         elif name == "text":
-            out += self.judge.follow(StatusText(us, 4, str(value)), us, us)
+            out += self.logic.follow(StatusText(us, 4, str(value)), us, us)
             if value != "Radio Failsafe Cleared":
                 self.off_since_end = False
         else:
@@ -70,7 +70,7 @@ class Life:
         for sample in samples:
             self.health.count(sample, us)
             if not isinstance(sample, Frame | Attitude):
-                out += self.judge.follow(sample, us, us)
+                out += self.logic.follow(sample, us, us)
         if self.status in FAILSAFE or (self.by_radio and self.pulse == 0):
             self.off_since_end = False
         elif self.pulse == 1000 if self.by_radio else self.mode in ("ALTCTL", "HOLD"):
@@ -78,7 +78,7 @@ class Life:
         if [o for o in out if isinstance(o, Event) and o.event in ("landing_taken_over", "landing_failsafe")]:
             # by mode the pilot's own choice of another mode is the takeover and the switch off at once
             self.off_since_end = not self.by_radio and self.mode in ("ALTCTL", "HOLD")
-        for each in self.judge.see(replace(FLAT, time_s=us * 1e-6), us, us):
+        for each in self.logic.see(replace(FLAT, time_s=us * 1e-6), us, us):
             if isinstance(each, LandRequest):
                 self.check()
 

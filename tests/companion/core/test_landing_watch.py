@@ -90,11 +90,11 @@ def replace_message(message: Estimate, words: tuple[str, ...], found: tuple[str,
     return msgspec.structs.replace(message, against_flat=words, against_flat_codes=found)
 
 
-def test_an_unfit_surface_is_told_once_after_the_dwell_time_and_held_only_when_asked() -> None:
-    (told,) = Landing().fly(0.5, "fit", None).fly(3.0, "unfit", ROUGH).said
-    assert told.event.time_unix_us == pytest.approx(100.5e6 + DWELL_S * 1e6, abs=2 * FRAME_S * 1e6)
-    assert not told.hold
-    assert "too rough" in told.event.text
+def test_an_unfit_surface_is_reported_once_after_the_dwell_time_and_held_only_when_asked() -> None:
+    (reported,) = Landing().fly(0.5, "fit", None).fly(3.0, "unfit", ROUGH).said
+    assert reported.event.time_unix_us == pytest.approx(100.5e6 + DWELL_S * 1e6, abs=2 * FRAME_S * 1e6)
+    assert not reported.hold
+    assert "too rough" in reported.event.text
     (held,) = Landing(on_unfit="hold").fly(3.0, "unfit", ROUGH).said
     assert held.hold
 

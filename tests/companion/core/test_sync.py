@@ -61,9 +61,9 @@ def run(samples, sync=None, **options):
     )
     ready, notices = [], []
     for sample in samples:
-        frames, told = sync.feed(sample)
+        frames, reported = sync.feed(sample)
         ready += frames
-        notices += told
+        notices += reported
     return ready + sync.flush("end_of_input"), notices
 
 
@@ -209,10 +209,10 @@ def test_velocity_is_interpolated_and_does_not_outlive_its_age():
 
 def test_velocity_between_messages_and_just_behind_them_goes_on_as_it_changed():
     ready, _ = run(flight(3))
-    told_us = sorted(s.boot_us for s in flight(3) if isinstance(s, Velocity))
-    interval_us = told_us[1] - told_us[0]
+    reported_us = sorted(s.boot_us for s in flight(3) if isinstance(s, Velocity))
+    interval_us = reported_us[1] - reported_us[0]
     for r in ready:
-        if r.velocity_ned is not None and r.boot_us is not None and told_us[1] <= r.boot_us:
+        if r.velocity_ned is not None and r.boot_us is not None and reported_us[1] <= r.boot_us:
             assert r.velocity_age_s <= interval_us * 1e-6
             # the vehicle speeds up by 1 m/s^2: a velocity that is held would be late
             assert abs(r.velocity_ned[0] - r.boot_us * 1e-6) < 0.3 * interval_us * 1e-6
@@ -229,7 +229,7 @@ def test_time_does_not_run_ahead_on_samples_that_do_not_fit():
     assert sync.now_us == now_us + 10_000
 
 
-def test_refused_samples_are_told_once():
+def test_refused_samples_are_reported_once():
     sync = Synchroniser(Settings(), True)
     for sample in flight(1):
         sync.feed(sample)

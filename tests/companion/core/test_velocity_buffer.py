@@ -171,7 +171,7 @@ def test_a_shaking_accelerometer_does_not_void_messages():
     """What it says of a step counts only where it tells the messages better than a line."""
     shaken = flown(noise=(0.0, 12.0), messages_hz=4.0)
     assert not shaken.carried
-    assert len(shaken._told) == 32
+    assert len(shaken._samples) == 32
 
 
 def test_a_force_without_an_attitude_tells_nothing():
@@ -228,5 +228,5 @@ def test_whatever_comes_the_answer_is_finite_or_none(samples):
 
 def test_memory_does_not_grow():
     buffer = flown(20.0)
-    assert len(buffer._told) <= KEPT
+    assert len(buffer._samples) <= KEPT
     assert len(buffer._times) <= KEPT

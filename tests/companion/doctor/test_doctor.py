@@ -155,7 +155,7 @@ def noisy(base: np.ndarray):
 @pytest.mark.parametrize(
     ("grey", "remedy"), [(0.0, "covered"), (255.0, "shorter"), (120.0, "nothing to be seen")]
 )
-def test_pictures_that_show_nothing_are_told_apart(grey, remedy):
+def test_pictures_that_show_nothing_are_reported_apart(grey, remedy):
     with MjpegServer(noisy(np.full((120, 160), grey))) as server:
         seen = watched(loaded(f"camera.source={server.url}").settings, 1.0)
     assert seen["exposure"].level == "warning"
@@ -218,7 +218,7 @@ def test_a_running_landslope_is_named():
 
 
 @pytest.mark.parametrize(("free_mb", "level"), [(10, "failure"), (1000, "warning"), (100_000, "ok")])
-def test_the_disk_is_judged_by_what_a_flight_may_take(tmp_path, monkeypatch, free_mb, level):
+def test_the_disk_is_measured_by_what_a_flight_may_take(tmp_path, monkeypatch, free_mb, level):
     usage = shutil.disk_usage(tmp_path)
     monkeypatch.setattr("shutil.disk_usage", lambda path: usage._replace(free=free_mb * 1_000_000))
     (finding,) = disk_findings(loaded(f"record.directory={tmp_path}").settings)
@@ -239,7 +239,7 @@ def test_zenoh_without_the_router_named():
 
 
 @pytest.mark.parametrize(("mode", "level"), [("peer", "warning"), ("client", "ok")])
-def test_a_peer_of_a_router_is_told_to_be_its_client(mode, level):
+def test_a_peer_of_a_router_is_reported_to_be_its_client(mode, level):
     endpoint = free_endpoint()
     with router(endpoint):
         (finding,) = zenoh_findings(loaded(f"zenoh.mode={mode}", f"zenoh.connect={endpoint}").settings)

@@ -1,4 +1,4 @@
-"""The autopilot's parameters for the landing procedure, read over a real socket and judged."""
+"""The autopilot's parameters for the landing procedure, read over a real socket and checked."""
 
 import time
 

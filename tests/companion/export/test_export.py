@@ -280,8 +280,8 @@ def advertised(app: ClientConnection, wanted: str) -> dict[str, dict[str, Any]]:
     """Channels by topic, once the wanted one is there."""
     channels: dict[str, dict[str, Any]] = {}
     while wanted not in channels:
-        told = app.recv(timeout=30)
-        if isinstance(told, str) and (message := json.loads(told))["op"] == "advertise":
+        reported = app.recv(timeout=30)
+        if isinstance(reported, str) and (message := json.loads(reported))["op"] == "advertise":
             channels |= {channel["topic"]: channel for channel in message["channels"]}
     return channels
 

@@ -9,8 +9,8 @@ from estimates import FLAT
 from live_rig import LiveRig
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.core.decision_logic import DecisionLogic, Followed, LandRequest
 from companion.core.health import HealthMonitor
-from companion.core.judge import Followed, Judge, LandRequest
 from companion.live.commander import Commander
 from companion.messages.messages import Decision, Event
 from companion.settings.link_options import link_options
@@ -42,7 +42,7 @@ class Flight(LiveRig):
         self.link = Link(link_options(settings), self.put)
         self.commander = Commander(self.link, self.put)
         self._health = HealthMonitor(settings.health, True)
-        self.judge = Judge(settings, self._health, by_pilot=True)
+        self.logic = DecisionLogic(settings, self._health, by_pilot=True)
         self.start(lambda: self.codes)
 
     def where(self) -> object:
@@ -66,8 +66,8 @@ class Flight(LiveRig):
         for sample in samples:
             self._health.count(sample, now)
             if isinstance(sample, Followed):
-                out += self.judge.follow(sample, now, now)
-        out += self.judge.see(replace(self.surface, frame=self._frame, time_s=now * 1e-6), now, now)
+                out += self.logic.follow(sample, now, now)
+        out += self.logic.see(replace(self.surface, frame=self._frame, time_s=now * 1e-6), now, now)
         for each in out:
             if isinstance(each, LandRequest):
                 self.commander.request(each)

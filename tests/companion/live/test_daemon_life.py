@@ -24,7 +24,7 @@ from drivers.errors import DriverError
         (vs.SILENCE, "landing_failed", "no answer"),
     ],
 )
-def test_a_refused_or_unanswered_command_is_told_and_not_repeated(tmp_path, answer, event, word) -> None:
+def test_a_refused_or_unanswered_command_is_reported_and_not_repeated(tmp_path, answer, event, word) -> None:
     with DaemonBench(tmp_path, (0.0, 6.5), answer=answer) as bench:
         bench.play_to_end()
         (ended,) = bench.events(event)
@@ -73,13 +73,13 @@ def test_a_hung_pipeline_stops_heartbeats_and_watchdog(tmp_path, monkeypatch) ->
     listener.settimeout(0.05)
     monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
     monkeypatch.setenv("WATCHDOG_USEC", "300000")
-    told: list[tuple[float, str]] = []
+    reported: list[tuple[float, str]] = []
     done = threading.Event()
 
     def listen() -> None:
         while not done.is_set():
             try:
-                told.append((time.monotonic(), listener.recv(4096).decode()))
+                reported.append((time.monotonic(), listener.recv(4096).decode()))
             except TimeoutError:
                 continue
 
@@ -104,16 +104,18 @@ def test_a_hung_pipeline_stops_heartbeats_and_watchdog(tmp_path, monkeypatch) ->
             time.sleep(2.9)
             silent = (began + 0.6, began + 2.9)
             assert not [t for t in bench.vehicle.beats if silent[0] < t < silent[1]]
-            assert not [t for t, what in told if "WATCHDOG" in what and silent[0] < t < silent[1]]
+            assert not [t for t, what in reported if "WATCHDOG" in what and silent[0] < t < silent[1]]
             count = len(bench.vehicle.beats)
             wait_for(lambda: len(bench.vehicle.beats) > count, "heartbeats after it came to itself")
-            wait_for(lambda: told[-1][0] > silent[1] and "WATCHDOG" in told[-1][1], "watchdog message")
+            wait_for(
+                lambda: reported[-1][0] > silent[1] and "WATCHDOG" in reported[-1][1], "watchdog message"
+            )
     finally:
         done.set()
         thread.join()
         listener.close()
-    assert told[0][1] == "READY=1"
-    assert told[-1][1] == "STOPPING=1"
+    assert reported[0][1] == "READY=1"
+    assert reported[-1][1] == "STOPPING=1"
 
 
 def test_a_second_daemon_for_the_same_vehicle_says_so(tmp_path) -> None:

@@ -114,7 +114,7 @@ def test_two_vehicles_and_none_named_means_no_landing(tmp_path) -> None:
         assert any("set vehicle.system_id" in e["text"] for e in bench.events("mavlink_refused"))
 
 
-def test_ground_that_turns_out_unfit_is_told_and_held_over_if_asked(tmp_path) -> None:
+def test_ground_that_turns_out_unfit_is_reported_and_held_over_if_asked(tmp_path) -> None:
     """Landing begins over the platform, which ends; hold is asked for."""
     settings = ("landing.on_unfit=hold", "landing.unfit_min_height_m=0.3")
     with DaemonBench(tmp_path, (4.0, 9.5), settings=settings) as bench:

@@ -14,7 +14,7 @@ def sample(number: int) -> LandedState:
 def test_what_was_put_comes_out_once_in_order() -> None:
     inbox = Inbox()
     inbox.put([sample(1), sample(2)])
-    inbox.tell(DriverEvent("e", "info", "", 0))
+    inbox.report(DriverEvent("e", "info", "", 0))
     samples, events = inbox.take(0)
     assert ([s.arrival_us for s in samples], [e.event for e in events]) == ([1, 2], ["e"])
     assert inbox.take(0) == ([], [])

@@ -59,12 +59,12 @@ def test_every_answer_and_silence_has_its_name(setup, answer, result, answers) -
     assert (outcome.result, tuple(dict.fromkeys(outcome.answers))) == (result, answers)
     assert len(vehicle.land_commands()) <= (1 if answers and answers[0] != "IN_PROGRESS" else 4)
 
-    def told() -> tuple[str, ...]:
+    def reported() -> tuple[str, ...]:
         return tuple(s.result for s in list(samples) if isinstance(s, CommandAnswer) and s.command == 21)
 
     deadline = time.monotonic() + 5
-    while told() != outcome.answers:
-        assert time.monotonic() < deadline, (told(), outcome.answers)
+    while reported() != outcome.answers:
+        assert time.monotonic() < deadline, (reported(), outcome.answers)
         time.sleep(0.01)
 
 

@@ -14,8 +14,8 @@ from live_rig import LiveRig
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.core.approach import Approach, Ordered
+from companion.core.decision_logic import DecisionLogic, Followed, LandRequest
 from companion.core.health import HealthMonitor
-from companion.core.judge import Followed, Judge, LandRequest
 from companion.live.commander import Commander
 from companion.live.steering import Steering
 from companion.messages.messages import Decision, Event
@@ -94,7 +94,7 @@ class Flight(LiveRig):
         self.commander = Commander(self.link, self.put, on_target=on_target)
         self._steering = Steering(self.settings, self.link, self.commander)
         self._health = HealthMonitor(self.settings.health, True)
-        self.judge = Judge(
+        self.logic = DecisionLogic(
             self.settings,
             self._health,
             by_pilot=True,
@@ -146,17 +146,17 @@ class Flight(LiveRig):
         for sample in samples:
             self._health.count(sample, now)
             if isinstance(sample, Followed):
-                out += self.judge.follow(sample, now, now)
+                out += self.logic.follow(sample, now, now)
             elif isinstance(sample, Velocity):
-                self.judge.locate(sample.position_ned, now)
-            out += self.judge.watch(now, now, now * 1e-6)
+                self.logic.locate(sample.position_ned, now)
+            out += self.logic.watch(now, now, now * 1e-6)
         if self.frames:
             self._frames_seen += 1
             self._health.count(Frame(self._frames_seen, now, now, None), now)
             seen = replace(
                 FLAT, frame=self._frames_seen, time_s=now * 1e-6, status=self.status, flat=self.flat
             )
-            out += self.judge.see(seen, now, now, 0.0)
+            out += self.logic.see(seen, now, now, 0.0)
         for each in out:
             if isinstance(each, Ordered):
                 self._steering.carry_out(each.order, each.time_unix_us)
@@ -278,7 +278,7 @@ def test_the_daemons_end_gives_back(fly) -> None:
 
 
 @pytest.mark.parametrize(("kind", "mode"), [("ardupilot", "LAND"), ("px4", "PRECLAND")])
-def test_a_landing_is_told_where_to(fly, kind: str, mode: str) -> None:
+def test_a_landing_is_reported_where_to(fly, kind: str, mode: str) -> None:
     """Nothing but the landing is commanded, and it ends on the place 5 m north."""
     flight = fly(kind, procedure="landing_target")
     flight.controller.parameters.values.update(PLND_ENABLED=1.0, PLND_TYPE=1.0)

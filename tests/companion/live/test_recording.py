@@ -101,7 +101,7 @@ def test_a_flight_is_recorded_from_arming_to_disarming(tmp_path):
     assert recording.counters["recorder frames"] == 20
 
 
-def test_without_a_directory_everything_may_be_told_and_nothing_is_kept():
+def test_without_a_directory_everything_may_be_reported_and_nothing_is_kept():
     recording = FlightRecording(Settings())
     recording.samples([Frame(0, 0, 0, textured(0))])
     recording.mavlink(0, b"")

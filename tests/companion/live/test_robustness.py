@@ -51,14 +51,14 @@ def test_stamps_that_are_wrong_in_a_fast_turn_are_found_out(nuisance: str):
     assert float(np.quantile(outcome.errors, 0.95)) < 0.6
 
 
-def test_late_stamps_are_told_of_once():
+def test_late_stamps_are_reported_of_once():
     source, samples = nuisances.cut("agile")
     late = nuisances.NUISANCES["frames 20 ms late"](list(samples))
     core = Core(source.settings, source.camera, calibrated=True, telemetry=True)
     out = [o for s in late for o in core.feed(s)] + core.finish()
-    told = [o for o in out if isinstance(o, Event) and o.event == "camera_late"]
-    assert [e.details["late_s"] for e in told] == pytest.approx([0.02], abs=0.004)
-    assert "ms later than camera.time_offset_s = 0 s says" in told[0].text
+    reported = [o for o in out if isinstance(o, Event) and o.event == "camera_late"]
+    assert [e.details["late_s"] for e in reported] == pytest.approx([0.02], abs=0.004)
+    assert "ms later than camera.time_offset_s = 0 s says" in reported[0].text
     health = [o for o in out if isinstance(o, Health)][-1]
     assert health.camera_late_s == pytest.approx(0.02, abs=4 * health.camera_late_std_s)
     assert health.camera_late_std_s < 0.002

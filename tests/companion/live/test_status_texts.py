@@ -78,54 +78,54 @@ def feed(texts: StatusTexts, message: Decision | Health | Event) -> list[Any]:
     return texts.health(message) if isinstance(message, Health) else texts.event(message)
 
 
-def test_a_verdict_is_told_when_it_has_stood_and_only_once() -> None:
-    told = said(
+def test_a_verdict_is_reported_when_it_has_stood_and_only_once() -> None:
+    reported = said(
         decision(0, "unknown", "nothing_seen"),
         *(decision(2 + i * 0.3, "fit") for i in range(10)),
         *(decision(10 + i * 0.5, "unfit", "too_steep") for i in range(10)),
     )
-    assert told == ["surface fit", "too steep, unfit"]
+    assert reported == ["surface fit", "too steep, unfit"]
 
 
 def test_a_verdict_that_flickers_is_not_told_at_every_change() -> None:
-    told = said(*(decision(i * 0.1, ("fit", "unfit")[i // 3 % 2], "too_rough") for i in range(200)))
-    assert told == []
+    reported = said(*(decision(i * 0.1, ("fit", "unfit")[i // 3 % 2], "too_rough") for i in range(200)))
+    assert reported == []
 
 
-def test_a_problem_is_told_once_however_its_seconds_run() -> None:
-    told = said(
+def test_a_problem_is_reported_once_however_its_seconds_run() -> None:
+    reported = said(
         health(0),
         *(health(i, condition(ConditionCode.VITAL_INPUT_STALE, "frames", f"{i} s")) for i in range(1, 60)),
     )
-    assert told == ["frames: stopped"]
+    assert reported == ["frames: stopped"]
 
 
-def test_health_is_told_by_its_new_problems_and_when_all_is_well_to_stay() -> None:
-    told = said(
+def test_health_is_reported_by_its_new_problems_and_when_all_is_well_to_stay() -> None:
+    reported = said(
         health(1, LOST),
         health(2, LOST, GONE),
         health(3, GONE),
         health(4, GONE),
         *(health(5 + i) for i in range(4)),
     )
-    assert told == ["frames: stopped", "attitude: none came", "over: frames: stopped", "all well"]
+    assert reported == ["frames: stopped", "attitude: none came", "over: frames: stopped", "all well"]
 
 
-def test_a_problem_that_comes_and_goes_is_told_at_most_once_in_five_seconds() -> None:
-    told = said(*(health(i * 0.5, *((LOST,) if i % 2 else ())) for i in range(40)))
-    assert told.count("frames: stopped") <= 20 / (AGAIN_US * 1e-6)
-    assert "all well" not in told
+def test_a_problem_that_comes_and_goes_is_reported_at_most_once_in_five_seconds() -> None:
+    reported = said(*(health(i * 0.5, *((LOST,) if i % 2 else ())) for i in range(40)))
+    assert reported.count("frames: stopped") <= 20 / (AGAIN_US * 1e-6)
+    assert "all well" not in reported
 
 
-def test_a_command_and_a_permission_are_told() -> None:
-    told = said(
+def test_a_command_and_a_permission_are_reported() -> None:
+    reported = said(
         event("landing_refused", "command to land: refused: denied"),
         event("landing_enabled", "landing is enabled"),
         event("landing_disabled", str(WORDS[Withheld.TAKEN_OVER])),
         event("landing_disabled", "landing is not enabled"),
         event("vehicle_found", "vehicle with system id 1 found"),
     )
-    assert told == [
+    assert reported == [
         "land: refused: denied",
         "landing enabled",
         "the pilot took over, no landing",
@@ -133,7 +133,7 @@ def test_a_command_and_a_permission_are_told() -> None:
     ]
 
 
-def test_the_procedure_is_told_by_its_states_in_one_short_text_each() -> None:
+def test_the_procedure_is_reported_by_its_states_in_one_short_text_each() -> None:
     for state, why in product(State, Why):
         gave_back = state is State.GIVE_BACK
         texts = StatusTexts()
@@ -179,8 +179,8 @@ def test_chunks_join_to_the_whole_text(words: str) -> None:
 @settings(deadline=None, max_examples=50)
 @given(st.lists(st.tuples(st.floats(0, 0.5), st.sampled_from(["fit", "unfit", "unknown"]))))
 def test_never_more_than_one_verdict_in_five_seconds(steps: list[tuple[float, str]]) -> None:
-    texts, at_s, told = StatusTexts(), 1.0, []
+    texts, at_s, reported = StatusTexts(), 1.0, []
     for step_s, verdict in steps:
         at_s += step_s
-        told += [at_s] * len(texts.decision(decision(at_s, verdict)))
-    assert all(b - a >= AGAIN_US * 1e-6 - 1e-6 for a, b in pairwise(told))
+        reported += [at_s] * len(texts.decision(decision(at_s, verdict)))
+    assert all(b - a >= AGAIN_US * 1e-6 - 1e-6 for a, b in pairwise(reported))

@@ -8,8 +8,8 @@ from estimates import FLAT
 from monitor_support import decision
 from places import REPOSITORY
 
+from companion.core.decision_logic import DecisionLogic, LandRequest
 from companion.core.health import Clocks, HealthMonitor
-from companion.core.judge import Judge, LandRequest
 from companion.live.live_pipeline import LivePipeline
 from companion.messages.conditions import (
     KINDS,
@@ -34,12 +34,12 @@ from drivers.samples import Attitude, Frame, Heartbeat, Imu, LandedState, RcChan
 S = 1_000_000
 
 
-def judged(*, calibrated: bool = True, standing: tuple[Condition, ...] = ()) -> tuple[list, HealthMonitor]:
+def decided(*, calibrated: bool = True, standing: tuple[Condition, ...] = ()) -> tuple[list, HealthMonitor]:
     """Three seconds over flat ground with every input well and landing enabled."""
     settings = Settings(landing=LandingSettings(enabled=True))
     health = HealthMonitor(settings.health, True)
     health.calibrated, health.standing = calibrated, standing
-    judge = Judge(settings, health)
+    logic = DecisionLogic(settings, health)
     out: list = []
     for k in range(90):
         us = S + k * S // 30
@@ -54,8 +54,8 @@ def judged(*, calibrated: bool = True, standing: tuple[Condition, ...] = ()) -> 
         for sample in samples:
             health.count(sample, us)
             if isinstance(sample, Heartbeat | LandedState):
-                out += judge.follow(sample, us, us)
-        out += judge.see(dataclasses.replace(FLAT, frame=k, time_s=us * 1e-6), us, us)
+                out += logic.follow(sample, us, us)
+        out += logic.see(dataclasses.replace(FLAT, frame=k, time_s=us * 1e-6), us, us)
     return out, health
 
 
@@ -64,13 +64,13 @@ def last(out: list, kind: type):
 
 
 def test_the_same_flight_without_any_condition_is_requested():
-    out, health = judged()
+    out, health = decided()
     assert last(out, LandRequest)
     assert health.conditions(4 * S, settled=True) == ()
 
 
 def test_an_uncalibrated_camera_is_never_fit_and_its_landing_is_withheld_for_that_reason():
-    out, health = judged(calibrated=False)
+    out, health = decided(calibrated=False)
     decisions = [o for o in out if isinstance(o, Decision)]
     assert {d.verdict for d in decisions} == {"unknown"}
     assert decisions[-1].reasons == ("the camera is not calibrated",)
@@ -87,7 +87,7 @@ def test_an_uncalibrated_camera_is_never_fit_and_its_landing_is_withheld_for_tha
 @pytest.mark.parametrize("code", list(Code))
 def test_every_condition_that_forbids_withholds_and_no_other_does(code: Code):
     standing = (condition(code, "gyro", "2.0 s"),)
-    out, health = judged(standing=standing)
+    out, health = decided(standing=standing)
     requested = any(isinstance(o, LandRequest) for o in out)
     assert requested != KINDS[code].forbids_landing
     if not requested:

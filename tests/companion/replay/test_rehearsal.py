@@ -16,7 +16,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("answer", "told", "commands"),
+    ("answer", "reported", "commands"),
     [
         (vs.ACCEPTED, ["landing_accepted", "landing_started"], 1),
         (vs.DENIED, ["landing_refused"], 1),
@@ -26,8 +26,8 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ],
     ids=["accepted", "denied", "temporarily rejected", "in progress", "no answer"],
 )
-def test_the_outcome_is_followed_and_told(
-    answer, told: list[str], commands: int, flight: Path, tmp_path: Path
+def test_the_outcome_is_followed_and_reported(
+    answer, reported: list[str], commands: int, flight: Path, tmp_path: Path
 ):
     port, events = free_udp_port(), tmp_path / "events.jsonl"
     with TestVehicle(port, answer) as vehicle:
@@ -48,9 +48,9 @@ def test_the_outcome_is_followed_and_told(
         assert 1 <= len(vehicle.land_commands()) <= commands
     names = [json.loads(line)["event"] for line in events.read_text().splitlines()]
     outcome = [name for name in names if name.startswith("landing_") and name != "landing_landed"]
-    assert outcome == ["landing_requested", *told]
+    assert outcome == ["landing_requested", *reported]
     assert "requested at" in result.stdout
-    assert result.stdout.count("command to land") >= len(told)
+    assert result.stdout.count("command to land") >= len(reported)
 
 
 def test_no_autopilot_is_one_line_before_the_flight(flight: Path):

@@ -49,10 +49,10 @@ def test_files_of_one_flight(flight: Path, tmp_path: Path, capsys):
     arguments += ["--set", "decision.dwell_s=0.1"]  # the flight is short
     assert cli.main(["replay", str(flight), *map(str, arguments)]) == 0
     assert [estimate["frame"] for estimate in lines(out)] == list(range(FRAMES))
-    told = lines(events)
-    assert all({"event", "frame", "time_unix_us"} <= set(line) for line in told)
-    assert "decision" in {line["event"] for line in told}
-    requested = [line["frame"] for line in told if line["event"] == "landing_requested"]
+    reported = lines(events)
+    assert all({"event", "frame", "time_unix_us"} <= set(line) for line in reported)
+    assert "decision" in {line["event"] for line in reported}
+    requested = [line["frame"] for line in reported if line["event"] == "landing_requested"]
     printed = capsys.readouterr().out
     assert f"(frame {requested[0]})" in printed
     assert printed.startswith("short: 90 frames in 3.0 s")

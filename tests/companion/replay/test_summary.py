@@ -72,8 +72,8 @@ def test_like_surface_is_one_stretch_and_an_edge_is_none():
     kept = flight(
         (4, 1, 0.001), (0.5, 12, 0.05), (4, 25, 0.02), (0.5, 9, 0.05), (4, 0.5, 0.001), (3, None, 0)
     )
-    told = [stretch.surface for stretch in stretches(kept, LIMITS)]
-    assert told == [
+    reported = [stretch.surface for stretch in stretches(kept, LIMITS)]
+    assert reported == [
         "level, even",
         "slope of 25 degrees, too steep to land, uneven",
         "level, even",
@@ -81,7 +81,7 @@ def test_like_surface_is_one_stretch_and_an_edge_is_none():
     ]
 
 
-def test_uneven_ground_is_told_apart_from_even_ground_of_the_same_inclination():
+def test_uneven_ground_is_reported_apart_from_even_ground_of_the_same_inclination():
     kept = flight((3, 1, 0.001), (6, 2, 0.03), (0.5, 1, 0.001), (4, 1, 0.03), (5, 1, 0.001))
     assert [stretch.surface for stretch in stretches(kept, LIMITS)] == [
         "level, even",
@@ -122,7 +122,7 @@ def test_withheld_for_another_reason_says_which():
     assert "not requested: landing is not enabled; vehicle not armed" in words(kept)
 
 
-def test_a_request_and_its_outcome_are_told_in_order():
+def test_a_request_and_its_outcome_are_reported_in_order():
     kept = history(
         [
             estimate(0, 1.0),
@@ -138,7 +138,7 @@ def test_a_request_and_its_outcome_are_told_in_order():
     assert "trouble" not in text
 
 
-def test_trouble_and_refusals_are_told():
+def test_trouble_and_refusals_are_reported():
     health = Health(
         time_unix_us=0,
         state="ok",
@@ -185,8 +185,8 @@ def test_every_flight_can_be_drawn(kept: History, tmp_path):
 
 def test_an_event_that_comes_often_is_one_line_with_its_count():
     messages = list(flight((5, 1.0, 0.001)).estimates)
-    told = [event("attitude_lost", k, "attitude gap", "warning") for k in range(40)]
-    text = words(history([*messages, *told, event("camera_lost", 0, "no frame", "warning")]))
+    reported = [event("attitude_lost", k, "attitude gap", "warning") for k in range(40)]
+    text = words(history([*messages, *reported, event("camera_lost", 0, "no frame", "warning")]))
     assert text.count("attitude gap") == 1
     assert "attitude gap (attitude lost 40 times)" in text
     assert "no frame" in text

@@ -65,7 +65,7 @@ def test_a_number_outside_its_limits_is_refused_with_the_limit(entry: Entry):
         assert f"{entry.limits.high:g}" in str(fault.value) or "finite" in str(fault.value)
 
 
-def test_all_faults_are_told_each_with_path_place_and_remedy(tmp_path: Path):
+def test_all_faults_are_reported_each_with_path_place_and_remedy(tmp_path: Path):
     file = tmp_path / "bad.toml"
     file.write_text(
         '[camera]\nmount_yaw_deg = 200\ncalibraton = "x"\ntime_offset_s = "late"\n'
@@ -76,18 +76,18 @@ def test_all_faults_are_told_each_with_path_place_and_remedy(tmp_path: Path):
         load(file, ["estimator.sed=3", "nonsense"])
     lines = str(fault.value).splitlines()
     assert len(lines) == 11
-    told = dict(zip(range(11), lines, strict=True))
-    assert told[0] == f"{file}:2: camera.mount_yaw_deg = 200.0 is outside its limits -180 to 180 deg"
-    assert told[1] == f"{file}:3: there is no setting camera.calibraton; did you mean camera.calibration?"
-    assert told[2] == f'{file}:4: camera.time_offset_s must be a number, not "late"'
-    assert "there is no section [vehicel]; did you mean vehicle?" in told[3]
-    assert "did you mean map?" in told[4]
-    assert "true or false" in told[5]
-    assert "an integer" in told[6]
-    assert "list of strings" in told[7]
-    assert "landing.enabled" in told[8]
-    assert "did you mean estimator.seed?" in told[9]
-    assert told[10] == "--set nonsense: write section.key=value"
+    reported = dict(zip(range(11), lines, strict=True))
+    assert reported[0] == f"{file}:2: camera.mount_yaw_deg = 200.0 is outside its limits -180 to 180 deg"
+    assert reported[1] == f"{file}:3: there is no setting camera.calibraton; did you mean camera.calibration?"
+    assert reported[2] == f'{file}:4: camera.time_offset_s must be a number, not "late"'
+    assert "there is no section [vehicel]; did you mean vehicle?" in reported[3]
+    assert "did you mean map?" in reported[4]
+    assert "true or false" in reported[5]
+    assert "an integer" in reported[6]
+    assert "list of strings" in reported[7]
+    assert "landing.enabled" in reported[8]
+    assert "did you mean estimator.seed?" in reported[9]
+    assert reported[10] == "--set nonsense: write section.key=value"
 
 
 @pytest.mark.parametrize(

@@ -80,7 +80,7 @@ def flown(small: Scenario, tmp_path_factory: pytest.TempPathFactory) -> FlightRe
 
 def test_the_real_daemon_lands_closed_loop_where_it_should(small: Scenario, tmp_path: Path) -> None:
     result = fly_live(small, options=LiveOptions(speed=1.5))
-    assert result.judge(small.expect) == [], in_words(result)
+    assert result.deviations(small.expect) == [], in_words(result)
     assert result.touch_down is not None, in_words(result)
     assert result.touch_ground is not None
     assert not unsafe(result.touch_ground, 10.0)
@@ -91,7 +91,7 @@ def test_the_real_daemon_lands_closed_loop_where_it_should(small: Scenario, tmp_
 
 
 def test_lockstep_lands_on_the_level_part(small: Scenario, flown: FlightResult) -> None:
-    assert flown.judge(small.expect) == [], in_words(flown)
+    assert flown.deviations(small.expect) == [], in_words(flown)
     request = flown.requests[0]
     assert request.fitness == "fit"
     assert flown.touch_down is not None
@@ -169,7 +169,7 @@ def test_random_scenarios_are_valid_files(seed: int) -> None:
     assert random_scenario(seed) == scenario
 
 
-def test_every_fault_of_a_scenario_is_told() -> None:
+def test_every_fault_of_a_scenario_is_reported() -> None:
     text = """
     sed = 3
     duration_s = 0
@@ -181,10 +181,10 @@ def test_every_fault_of_a_scenario_is_told() -> None:
     kind = "lava"
     [fault]
     """
-    with pytest.raises(SettingsError) as told:
+    with pytest.raises(SettingsError) as reported:
         parse_scenario("bad", text, "bad.toml")
     for words in ("sed", "duration_s = 0", "0 to 20 m/s", "leg 1", "[[fault]]"):
-        assert words in str(told.value)
+        assert words in str(reported.value)
     with pytest.raises(SettingsError, match="lava"):
         parse_scenario("bad", '[[surface]]\nkind = "lava"', "bad.toml")
     with pytest.raises(SettingsError, match=r"did you mean estimator\.method"):
@@ -194,11 +194,11 @@ def test_every_fault_of_a_scenario_is_told() -> None:
 
 
 def test_an_expectation_that_fails_is_said(flown: FlightResult) -> None:
-    assert "although none was due" in flown.judge(Expectation(landing="none"))[0]
-    outside = flown.judge(Expectation(min_north_m=50))
+    assert "although none was due" in flown.deviations(Expectation(landing="none"))[0]
+    outside = flown.deviations(Expectation(min_north_m=50))
     assert any("outside 50" in line for line in outside)
     nothing = FlightResult("none")
-    assert "no landing was requested" in nothing.judge(Expectation(landing="requested"))[0]
+    assert "no landing was requested" in nothing.deviations(Expectation(landing="requested"))[0]
 
 
 def test_the_command_line_flies_and_says_so(

@@ -19,7 +19,7 @@ from drivers.autopilot.autopilot import Autopilot
 from drivers.autopilot.landing_target import LandingTarget
 from drivers.commands import CONTROL_MODES
 from drivers.mavlink.link import Link, LinkOptions
-from drivers.samples import Sample
+from drivers.samples import Sample, Velocity
 from drivers.simulated.vehicle.autopilot import SimulatedAutopilot
 from drivers.simulated.vehicle.firmware import Firmware
 from drivers.simulated.vehicle.vehicle import Multirotor
@@ -49,6 +49,7 @@ class Bench:
         self.controller = self.vehicle.controller
         self.targets = LandingTarget()
         self.log: list[str] = []
+        self.on_samples: Callable[[list[Sample]], None] = lambda samples: None
         options = LinkOptions(
             f"udpout:127.0.0.1:{self.vehicle.port}",
             1,
@@ -74,8 +75,8 @@ class Bench:
         self.link.close()
         self.vehicle.stop()
 
-    def wait(self, condition: Callable[[], object], what: str) -> None:
-        deadline = time.monotonic() + PATIENCE_S
+    def wait(self, condition: Callable[[], object], what: str, patience_s: float = PATIENCE_S) -> None:
+        deadline = time.monotonic() + patience_s
         while not condition():
             assert time.monotonic() < deadline, f"no {what}: {self.controller.mode} {self.link.counters}"
             time.sleep(0.01)
@@ -115,6 +116,7 @@ class Bench:
     def _samples(self, samples: list[Sample]) -> None:
         for sample in samples:
             self.targets.feed(sample)
+        self.on_samples(samples)
 
     def _frame(self, arrival_us: int, frame: bytes) -> None:
         if frame[7:10] == SETPOINT_ID:
@@ -253,24 +255,24 @@ def test_a_landing_is_led_to_its_target(bench, kind: str) -> None:
     place = (1.2, -0.4, 0.0)
     mode = {"ardupilot": "LAND", "px4": "PRECLAND"}[kind]
 
-    def lead() -> bool:
-        position = b.targets._position
-        if position is not None:
-            away = tuple(p - q for p, q in zip(place, position.position_ned, strict=True))
-            message = b.targets.message(away, position.arrival_us, position.arrival_us)
-            if message is not None:
-                b.link.send(message)
-        return b.vehicle.vehicle.on_ground
+    def lead(samples: list[Sample]) -> None:
+        """With every position that comes, as of the newest word: at the vehicle's pace, not at this machine's."""
+        position, attitude = b.targets._position, b.targets._attitude
+        if position is None or attitude is None or not any(isinstance(s, Velocity) for s in samples):
+            return
+        away = tuple(p - q for p, q in zip(place, position.position_ned, strict=True))
+        now_us = max(position.arrival_us, attitude.arrival_us)
+        message = b.targets.message(away, position.arrival_us, now_us)
+        if message is not None:
+            b.link.send(message)
+            b.log.append("target")
 
-    b.wait(lambda: b.targets._attitude and b.targets._position and (lead() or True), "vehicle's words")
+    b.on_samples = lead
+    b.wait(lambda: "target" in b.log, "vehicle's words")
     outcome = b.autopilot.land_on_target({"ardupilot": "LOITER", "px4": "POSCTL"}[kind])
     assert outcome.result == "ACCEPTED"
     b.wait(lambda: b.controller.mode == mode, "mode")
-    b.vehicle.speed = 2.0
-    deadline = time.monotonic() + 60
-    while not lead():
-        assert time.monotonic() < deadline, b.vehicle.vehicle.position
-        time.sleep(0.02)
+    b.wait(lambda: b.vehicle.vehicle.on_ground, "ground", 120.0)
     n, e, _ = b.vehicle.vehicle.position
     assert math.hypot(n - place[0], e - place[1]) < 0.15
 

@@ -69,9 +69,9 @@ def test_damage_is_counted_and_the_rest_is_used(flight, monkeypatch, name):
     out, refused = run(flight)
     health = [o for o in out if isinstance(o, Health)][-1]
     for source, reason, least in edit.refusals:
-        told = sum(n for key, n in health.counters.items() if key.endswith(f": {reason}"))
-        assert max(refused[source, reason], told) >= least, (refused, health.counters)
-        assert told >= least, "refusals are told in Health"
+        reported = sum(n for key, n in health.counters.items() if key.endswith(f": {reason}"))
+        assert max(refused[source, reason], reported) >= least, (refused, health.counters)
+        assert reported >= least, "refusals are told in Health"
     events = {o.event for o in out if isinstance(o, Event)}
     assert set(edit.events) <= events, events
     estimates = [o for o in out if isinstance(o, Estimate)]

@@ -53,9 +53,9 @@ def test_what_is_no_mask_is_named(tmp_path: Path, content: bytes | np.ndarray, w
         path.write_bytes(content)
     else:
         written(path, content)
-    with pytest.raises(DriverError, match=words) as told:
+    with pytest.raises(DriverError, match=words) as reported:
         read_mask(path, 64, 48)
-    assert str(path) in str(told.value)
+    assert str(path) in str(reported.value)
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:

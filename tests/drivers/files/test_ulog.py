@@ -118,7 +118,7 @@ def test_a_tlog_goes_before_the_log(tmp_path):
     assert log_in(folder) is None
 
 
-def test_what_is_no_log_is_told_in_one_line(tmp_path):
+def test_what_is_no_log_is_reported_in_one_line(tmp_path):
     (tmp_path / "vehicle.ulg").write_bytes(b"nothing of the kind" * 10)
     with pytest.raises(DriverError, match=r"no ULog that can be read|no attitude"):
         read_ulog(tmp_path / "vehicle.ulg")

@@ -168,7 +168,7 @@ def test_px4_is_asked_for_its_own_gyro_message(bench) -> None:
         assert {int(c.param1) for _, c in vehicle.commands if c.command == 511} == {105}
 
 
-def test_a_rate_that_does_not_come_is_told(bench) -> None:
+def test_a_rate_that_does_not_come_is_reported(bench) -> None:
     b = bench(rates_hz={"ATTITUDE": 50.0})
     with TestVehicle(b.port):
         wait_for(lambda: "rate_too_low" in b.event_names(), "event")

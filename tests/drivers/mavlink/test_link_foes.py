@@ -178,7 +178,7 @@ def test_a_forwarded_program_cannot_speak_in_our_name(bench):
             assert b.link.counters["refused: our_name"] == 1
 
 
-def test_frames_are_recorded_only_after_their_sender_was_judged(bench):
+def test_frames_are_recorded_only_after_their_sender_was_checked(bench):
     b: LinkBench = bench(system_id=1)
     recorded: list[bytes] = []
     b.link.on_frame = lambda arrival_us, frame: recorded.append(frame)

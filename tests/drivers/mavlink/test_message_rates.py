@@ -54,7 +54,7 @@ def test_a_rate_that_is_taken_away_is_asked_for_again_within_a_second(wanted_hz:
     assert stream.slow == []
 
 
-def test_a_rate_that_never_comes_is_asked_for_ever_more_rarely_and_told() -> None:
+def test_a_rate_that_never_comes_is_asked_for_ever_more_rarely_and_reported() -> None:
     stream = Stream(50.0, obeys=False).run(60.0)
     gaps = [b - a for a, b in pairwise(stream.asked)]
     assert gaps == pytest.approx([4, 8, 16, 30], abs=0.1)

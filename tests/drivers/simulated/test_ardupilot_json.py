@@ -158,7 +158,7 @@ def test_closed_loop_on_the_physics_of_a_sitl() -> None:
     with FakeSitl(port) as sitl:
         options = LiveOptions(ardupilot=ArduPilot(sitl.connection, sitl.connection, port))
         result = fly_live(scenario, options=options)
-    assert result.judge(scenario.expect) == [], in_words(result)
+    assert result.deviations(scenario.expect) == [], in_words(result)
     assert result.touch_down is not None, in_words(result)
     assert [c.name for c in sitl.autopilot.commands].count("MAV_CMD_NAV_LAND") == 1
     assert math.hypot(*result.touch_down.velocity) < 1.0

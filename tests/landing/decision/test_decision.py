@@ -67,13 +67,13 @@ def test_flat_has_nothing_against_it():
             "perhaps too rough: something may stand out where ground has just come into view",
         ),
         (
-            {"unlike": True},
+            {"appearance_change": True},
             "perhaps another surface: what comes into view is unlike the rest and not measured yet",
         ),
         ({"roughness": math.nan}, "roughness unknown"),
         ({"roughness_std": 0.005}, "roughness uncertain: 0.0020, may be 0.0120, limit 0.0100"),
         ({"roughness_std": math.nan}, "roughness uncertain: 0.0020, may be nan, limit 0.0100"),
-        ({"standing": 2}, "too rough: 2 points stand out, limit 1"),
+        ({"obstacle_points": 2}, "too rough: 2 points stand out, limit 1"),
         ({"coverage": 0.1}, "too little of the surface seen: 0.10, at least 0.30"),
         ({"coverage": math.nan}, "too little of the surface seen: nan, at least 0.30"),
     ],
@@ -84,7 +84,7 @@ def test_each_condition_stands_against_flat_by_itself_in_words(change: dict, wor
 
 def test_limits_themselves_are_flat():
     edge = replace(FLAT, inclination_deg=10.0, inclination_std_deg=0.0, roughness=0.01, roughness_std=0.0)
-    assert against_flat(replace(edge, coverage=0.3, standing=1), OPTIONS) == ()
+    assert against_flat(replace(edge, coverage=0.3, obstacle_points=1), OPTIONS) == ()
 
 
 def test_a_surface_is_fit_after_the_dwell_time_and_not_before():
@@ -167,7 +167,7 @@ def test_fit_always_rests_on_a_flat_dwell_and_recent_sight(steps: list[tuple[Sur
         fit_before = fit
 
 
-def test_from_far_up_what_is_flat_is_not_fit_until_its_relief_can_be_told():
+def test_from_far_up_what_is_flat_is_not_fit_until_its_relief_can_be_reported():
     options = replace(OPTIONS, max_relief_m=0.05)
     far, near = replace(FLAT, height_m=20.0, height_std_m=1.0), replace(FLAT, height_m=5.0, height_std_m=0.2)
     assert against_flat(far, options) == ()

@@ -30,7 +30,7 @@ def test_every_rule_of_the_permission_is_needed() -> None:
     tests = [
         getattr(table, name)
         for name in (
-            "test_every_rule_that_stands_against_it_is_told",
+            "test_every_rule_that_stands_against_it_is_reported",
             "test_whether_it_was_used_is_kept_until_the_switch_is_off",
         )
     ]

@@ -214,7 +214,7 @@ def test_the_gate_is_open(change: dict) -> None:
     assert objections(after(RADIO, *STANDING), replace(GOOD, **change)) == ()
 
 
-def test_every_rule_that_stands_against_it_is_told() -> None:
+def test_every_rule_that_stands_against_it_is_reported() -> None:
     bad = Gate(None, None, None, stale=("attitude",), command_busy=True)
     assert len(objections(Permission(HAND), bad)) == 6
 

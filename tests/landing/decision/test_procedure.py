@@ -247,15 +247,15 @@ def test_a_little_better_place_is_not_followed_a_clearly_better_one_is():
 
 def test_the_descent_keeps_its_divergence_at_every_height_and_corrects_a_wrong_one():
     for believed in (0.7, 1.0, 1.4):
-        descent, height, velocity, told = Descent(0.25), 8.0, 0.0, []
+        descent, height, velocity, reported = Descent(0.25), 8.0, 0.0, []
         descent.begin(0.0)
         for k in range(int(9 / DT)):
             asked = descent.sink(k * DT, believed * height, velocity / height, 1.0)
             velocity += (asked - velocity) * DT / 0.3
             height -= velocity * DT
             if k * DT > 4.0:
-                told.append(velocity / height)
-        assert max(abs(d - 0.25) for d in told) < 0.05, believed
+                reported.append(velocity / height)
+        assert max(abs(d - 0.25) for d in reported) < 0.05, believed
     assert Descent(0.25).sink(0.0, math.nan, 0.1, 1.0) == 0.0
 
 
@@ -284,7 +284,7 @@ def test_the_spiral_covers_its_circle_at_constant_speed():
     assert max(way) < 0.022
 
 
-def test_a_landing_autopilot_is_told_where_to_while_it_lands_and_nothing_else():
+def test_a_landing_autopilot_is_reported_where_to_while_it_lands_and_nothing_else():
     machine = Targeting(ProcedureOptions())
     known = {
         "objections": (Withheld.ALREADY_REQUESTED, Withheld.LANDING_ALREADY), "mode": "LAND", "quiet": False,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from border_support import CAMERA, HEIGHT, RATE_HZ, RELIEF, STEP_PX, TURNS, WIDTH, pictures
 
-from landing.ground.border import Border, Standing, _Before, _Place, _Strips
+from landing.ground.border import Border, BorderStep, _Before, _Place, _Strips
 from landing.ground.roughness import Relief
 from landing.motion.views import Views
 from landing.observation import Observation
@@ -15,14 +15,14 @@ from landing.reasons import Code, Reason
 from landing.vision.camera import CameraModel
 
 
-def watched(comes: int | None, turns: int = 0, step_px: int = STEP_PX) -> list[Standing | None]:
+def watched(comes: int | None, turns: int = 0, step_px: int = STEP_PX) -> list[BorderStep | None]:
     """What a border of its own finds at each frame of a flight."""
     pipeline, border, found = SurfacePipeline(CAMERA, Options()), Border(Options().estimator, CAMERA), []
-    judge = pipeline.relief.step
+    measure = pipeline.relief.step
 
     def step(views: Views, plane: Plane) -> Relief | None:
         found.append(border.step(views, plane) if plane.status == "ok" else None)
-        return judge(views, plane)
+        return measure(views, plane)
 
     pipeline.relief.step = step  # type: ignore[method-assign]
     for k, image in enumerate(pictures(comes, turns, step_px)):
@@ -74,11 +74,11 @@ def test_a_view_that_moves_slowly_is_looked_at_when_ground_has_come_in(monkeypat
     assert any({first, first + 1} <= set(frames) for frames in list(looked.values())[2:])
 
 
-def test_what_was_seen_at_the_border_makes_the_view_rough_until_tracks_have_judged_it(
+def test_what_was_seen_at_the_border_makes_the_view_rough_until_tracks_have_measured_it(
     monkeypatch: pytest.MonkeyPatch,
 ):
     seen = 20
-    standing = Standing(
+    standing = BorderStep(
         3, np.array(((WIDTH - 2.0, 60.0), (WIDTH - 2.0, 80.0))), 0.2, 0.02**2, sure=True, lasting=True
     )
     monkeypatch.setattr(
@@ -95,7 +95,7 @@ def test_what_was_seen_at_the_border_makes_the_view_rough_until_tracks_have_judg
 
 def test_what_stands_out_in_one_frame_alone_is_not_remembered(monkeypatch: pytest.MonkeyPatch):
     seen = 20
-    standing = Standing(3, np.array(((WIDTH - 2.0, 60.0), (WIDTH - 2.0, 80.0))), 0.2, 0.02**2, sure=True)
+    standing = BorderStep(3, np.array(((WIDTH - 2.0, 60.0), (WIDTH - 2.0, 80.0))), 0.2, 0.02**2, sure=True)
     monkeypatch.setattr(
         Border, "step", lambda _, views, plane: standing if views.tracker.frame == seen else None
     )
@@ -107,14 +107,14 @@ def test_what_stands_out_in_one_frame_alone_is_not_remembered(monkeypatch: pytes
 
 def suspects(monkeypatch: pytest.MonkeyPatch, stands: set[int], sure: bool) -> tuple[list[bool], list[str]]:
     """Whether each frame of level ground is flat, and why not, when a side is said to stand out at some frames."""
-    look = Border._standing
+    look = Border._steps
     frame = 0
 
-    def standing(border: Border, strips: object) -> list[Standing]:
+    def standing(border: Border, strips: object) -> list[BorderStep]:
         found = look(border, strips)  # type: ignore[arg-type]
-        return [*found, Standing(3, np.zeros((1, 2)), 0.2, 0.02**2, sure)] if frame in stands else found
+        return [*found, BorderStep(3, np.zeros((1, 2)), 0.2, 0.02**2, sure)] if frame in stands else found
 
-    monkeypatch.setattr(Border, "_standing", standing)
+    monkeypatch.setattr(Border, "_steps", standing)
     pipeline, flat, why = SurfacePipeline(CAMERA, Options()), [], []
     for frame, image in enumerate(pictures(None, 0)):
         estimate = pipeline.step(Observation(frame, frame / RATE_HZ, image, np.eye(3), 1e-5))
@@ -142,7 +142,7 @@ def test_a_whole_side_is_suspected_before_it_is_sure(away: float, sure: list[boo
     blocks = border._sides[3].blocks
     place = _Place(3, 4, _Before(1, np.eye(3), np.eye(3)), np.zeros((2, blocks, 2), np.float32))
     height = np.full((1, blocks), away * sigma / np.sqrt(blocks))
-    found = border._standing(_Strips([place], height, np.full((1, blocks), 1 / sigma**2)))
+    found = border._steps(_Strips([place], height, np.full((1, blocks), 1 / sigma**2)))
     assert [standing.sure for standing in found] == sure
     assert all(len(standing.pixels) == blocks for standing in found)
 

@@ -63,7 +63,7 @@ def test_even_ground_is_smooth():
     assert found is not None
     assert found.roughness < 0.003
     assert found.roughness_std < 0.005
-    assert found.standing == 0
+    assert found.obstacle_points == 0
 
 
 @pytest.mark.parametrize("relief", [0.02, 0.05, 0.1])
@@ -80,12 +80,12 @@ def test_heights_are_those_of_the_points():
 
 
 def test_the_same_at_any_height_and_speed():
-    told = []
+    reported = []
     for height_m, speed in ((8.0, 0.35), (1.5, 0.35), (2.0, 0.15), (2.0, 1.0)):
         found, _ = fly(0.05, height_m=height_m, speed=speed)
         assert found is not None
-        told.append(found.roughness)
-    assert max(told) < 1.25 * min(told)
+        reported.append(found.roughness)
+    assert max(reported) < 1.25 * min(reported)
 
 
 def test_along_the_axis_relief_is_seen_as_well():
@@ -105,7 +105,7 @@ def test_gross_tracking_errors_do_not_count():
     clean, _ = fly(0.05, gross=0.0)
     assert clean is not None
     assert found.roughness < 0.5 * clean.roughness
-    assert found.standing <= OPTIONS.min_roughness_tracks // 10
+    assert found.obstacle_points <= OPTIONS.min_roughness_tracks // 10
 
 
 def test_hardly_any_motion_leaves_it_unknown():
@@ -153,6 +153,6 @@ def test_a_height_that_falls_with_the_way_is_an_error_of_place():
             views.tracker.frame = k
             now = np.full(10, np.nan)
             now[3] = height
-            counted[name] += found._standing(views.tracker, np.array([3]), now[[3]], np.array([True]))
+            counted[name] += found._obstacle_points(views.tracker, np.array([3]), now[[3]], np.array([True]))
             found._measured[k] = _Measured(k, now, now, np.empty(0, np.intp), np.array((0.0, 0.0, 1.0)))
     assert counted == {"keeps": 5, "falls": 0}

@@ -16,8 +16,8 @@ NONE = (0.0, 0)
 def run(comparisons, seconds, rotation=NONE, velocity=math.nan, late_s=0.0, late_std_s=0.002, start_s=0.0):
     """Frames of 30 a second; a comparison may be a function without arguments."""
     for k in range(round(30 * seconds)):
-        told = [c() if callable(c) else c for c in (rotation, velocity)]
-        comparisons.step(start_s + k / 30, told[0], told[1], late_s, late_std_s)
+        reported = [c() if callable(c) else c for c in (rotation, velocity)]
+        comparisons.step(start_s + k / 30, reported[0], reported[1], late_s, late_std_s)
     return comparisons.failing
 
 

@@ -19,7 +19,7 @@ def over(views, normal=LEVEL, options=OPTIONS):
     return velocity(views, normal, np.ones(len(views.tracker.alive)), 1.0, 1e-5, options)
 
 
-def braking(seed: int, told=None, age_s: float = 0.0, harder: float = 1.0, off_rad=(0.0, 0.0)):
+def braking(seed: int, reported=None, age_s: float = 0.0, harder: float = 1.0, off_rad=(0.0, 0.0)):
     """Views of a camera 1 m above level ground that brakes northwards, at 0.5 m/s at the newest of 13 frames.
 
     It brakes by 0.5 m/s^2, and until a fifth of a second ago by ``harder`` m/s^2 more. ``told``: the velocity north
@@ -33,7 +33,7 @@ def braking(seed: int, told=None, age_s: float = 0.0, harder: float = 1.0, off_r
         before = min(t + 0.2, 0.0)
         north = 0.5 * t - 0.25 * t * t - 0.5 * harder * before * before
         speed = 0.5 - 0.5 * t - harder * before
-        said = None if told is None else np.array((told(speed, t), 0.0, 0.0))
+        said = None if reported is None else np.array((reported(speed, t), 0.0, 0.0))
         off = off_rad[1] * shaken.normal(size=3)
         off[1] += off_rad[0] if k == 12 else 0.0
         place = np.array((north, 0, 0))
@@ -72,7 +72,7 @@ def test_what_the_autopilot_knows_of_its_velocity_makes_the_result_better():
         return np.array([f[0] - (0, -0.5, 0) for f in found]), np.array([f[1] for f in found])
 
     alone, _ = errors()
-    guided, std = errors(told=lambda speed, t: speed + 0.1)
+    guided, std = errors(reported=lambda speed, t: speed + 0.1)
     assert np.sqrt((guided**2).mean()) < 0.7 * np.sqrt((alone**2).mean())
     assert np.sqrt(((guided / std) ** 2).mean()) < 1.5
 
@@ -81,14 +81,14 @@ def test_what_the_autopilot_knows_of_its_velocity_makes_the_result_better():
 @pytest.mark.parametrize("ago_s", [0.02, 0.1, 0.3])
 def test_a_velocity_that_jumps_spoils_little(jump: float, ago_s: float):
     """A navigation filter that is reset changes its velocity at once, the vehicle does not."""
-    found = over(braking(7, told=lambda speed, t: speed + (jump if t > -ago_s else 0.0)))
+    found = over(braking(7, reported=lambda speed, t: speed + (jump if t > -ago_s else 0.0)))
     assert found is not None
     assert found[0][1] == pytest.approx(-0.5, rel=0.05)
 
 
-@pytest.mark.parametrize("told", [lambda speed, t: -speed, lambda speed, t: 0.0])
-def test_a_velocity_against_the_motion_or_none_does_not_count(told):
-    alone, other = over(braking(8)), over(braking(8, told=told))
+@pytest.mark.parametrize("reported", [lambda speed, t: -speed, lambda speed, t: 0.0])
+def test_a_velocity_against_the_motion_or_none_does_not_count(reported):
+    alone, other = over(braking(8)), over(braking(8, reported=reported))
     assert alone is not None
     assert other is not None
     np.testing.assert_array_equal(other[0], alone[0])
@@ -96,7 +96,7 @@ def test_a_velocity_against_the_motion_or_none_does_not_count(told):
 
 def test_an_old_velocity_does_not_count():
     alone = over(braking(9))
-    old = over(braking(9, told=lambda speed, t: speed, age_s=2 * OPTIONS.velocity_max_age_s))
+    old = over(braking(9, reported=lambda speed, t: speed, age_s=2 * OPTIONS.velocity_max_age_s))
     assert alone is not None
     assert old is not None
     np.testing.assert_array_equal(old[0], alone[0])
@@ -125,23 +125,23 @@ def test_the_velocity_told_is_the_least_squares_solution(gaps: int):
     """Against one system of equations for all three axes: displacements, and omega = k (velocity - error)."""
     rng = np.random.default_rng(gaps)
     tau, per_metre = np.arange(1, gaps + 1) / 10, 0.5
-    told = VehicleVelocity(rng.normal(size=3), rng.normal(0, 0.1, (gaps, 3)), std=0.06, noise=0.01)
-    t = per_metre * (told.detour - tau[:, None] * told.velocity) + rng.normal(0, 1e-3, (gaps, 3))
+    reported = VehicleVelocity(rng.normal(size=3), rng.normal(0, 0.1, (gaps, 3)), std=0.06, noise=0.01)
+    t = per_metre * (reported.detour - tau[:, None] * reported.velocity) + rng.normal(0, 1e-3, (gaps, 3))
     errors = covariances(rng, gaps)
-    omega, std, chi_square = newest_guided(tau, t, errors, told, per_metre)
+    omega, std, chi_square = newest_guided(tau, t, errors, reported, per_metre)
     rows = np.zeros((3 * gaps + 3, 4))
     observed = np.zeros(3 * gaps + 3)
-    covariance = np.eye(3 * gaps + 3) * (per_metre * told.std) ** 2
+    covariance = np.eye(3 * gaps + 3) * (per_metre * reported.std) ** 2
     for axis in range(3):
         part = slice(axis * gaps, (axis + 1) * gaps)
-        rows[part, axis], rows[part, 3] = -tau, told.detour[:, axis]
+        rows[part, axis], rows[part, 3] = -tau, reported.detour[:, axis]
         observed[part] = t[:, axis]
         covariance[part, part] = errors[axis]
-    rows[-3:, :3], rows[-3:, 3] = np.eye(3), -told.velocity
+    rows[-3:, :3], rows[-3:, 3] = np.eye(3), -reported.velocity
     solution, variance = least_squares(rows, observed, covariance)
     left = observed - rows @ solution
     np.testing.assert_allclose(omega, solution[:3])
-    spread = variance.diagonal()[:3] + (solution[3] * told.noise) ** 2
+    spread = variance.diagonal()[:3] + (solution[3] * reported.noise) ** 2
     np.testing.assert_allclose(std, np.sqrt(spread))
     assert chi_square == pytest.approx(left @ np.linalg.solve(covariance, left))
 
@@ -166,16 +166,19 @@ def test_displacements_that_tell_nothing_give_no_velocity():
 
 def test_a_velocity_against_its_own_changes_is_refused():
     """The camera went the one way and the vehicle says that it went the other."""
-    tau, told = np.array((0.1, 0.2)), VehicleVelocity(np.array((1.0, 0.0, 0.0)), np.zeros((2, 3)), 0.01, 0.0)
+    tau, reported = (
+        np.array((0.1, 0.2)),
+        VehicleVelocity(np.array((1.0, 0.0, 0.0)), np.zeros((2, 3)), 0.01, 0.0),
+    )
     t = tau[:, None] * (1.0, 0.0, 0.0)
-    assert newest_guided(tau, t, np.broadcast_to(1e-6 * np.eye(2), (3, 2, 2)), told, 1.0)[2] == np.inf
+    assert newest_guided(tau, t, np.broadcast_to(1e-6 * np.eye(2), (3, 2, 2)), reported, 1.0)[2] == np.inf
 
 
 def test_an_attitude_that_is_off_counts_less_with_a_velocity():
     """A millirad in the newest frame alone, as while a vehicle begins to turn."""
 
-    def moved(told):
-        off, straight = (over(braking(11, told, off_rad=(rad, 0.0))) for rad in (1e-3, 0.0))
+    def moved(reported):
+        off, straight = (over(braking(11, reported, off_rad=(rad, 0.0))) for rad in (1e-3, 0.0))
         assert off is not None
         assert straight is not None
         assert (abs(off[0] - (0, -0.5, 0)) < 2.5 * off[1]).all()
@@ -186,9 +189,9 @@ def test_an_attitude_that_is_off_counts_less_with_a_velocity():
 
 @example([0.0, 0.296875, -1.4694595505584182e26], 1e-30)
 @given(st.lists(st.floats(-1e38, 1e38), min_size=3, max_size=3), st.floats(1e-30, 10.0))
-def test_whatever_velocity_is_told_nothing_breaks(said, per_metre: float):
+def test_whatever_velocity_is_reported_nothing_breaks(said, per_metre: float):
     """Garbage that a link lets through is a number as well."""
-    tau, told = np.array((0.1, 0.2)), VehicleVelocity(np.array(said), np.zeros((2, 3)), 0.06, 0.0)
+    tau, reported = np.array((0.1, 0.2)), VehicleVelocity(np.array(said), np.zeros((2, 3)), 0.06, 0.0)
     covariance = np.broadcast_to(1e-6 * np.eye(2), (3, 2, 2))
-    _, _, chi_square = newest_guided(tau, tau[:, None] * (0.1, -0.3, 0.02), covariance, told, per_metre)
+    _, _, chi_square = newest_guided(tau, tau[:, None] * (0.1, -0.3, 0.02), covariance, reported, per_metre)
     assert chi_square >= 0 or not np.isfinite(chi_square)

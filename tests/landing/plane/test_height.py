@@ -34,9 +34,9 @@ def test_the_uncertainty_is_that_of_the_errors():
     true, omega_std = np.array((0.8, -0.5, 0.3)), np.array((0.01, 0.02, 0.005))
     normalised = []
     for _ in range(400):
-        told = true + 0.05 * rng.standard_normal(3)
+        reported = true + 0.05 * rng.standard_normal(3)
         seen = true / 2.0 + omega_std * rng.standard_normal(3)
-        found, std = height(told, 0.05, seen, omega_std, 0.6)
+        found, std = height(reported, 0.05, seen, omega_std, 0.6)
         normalised.append((found - 2.0) / std)
     assert np.std(normalised) == pytest.approx(1, abs=0.15)
 

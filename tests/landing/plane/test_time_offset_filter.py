@@ -43,11 +43,11 @@ def flown(motion, late_s: float, frames: int = 60, std_s: float = STD_S):
     planes = []
     for k in range(frames):
         stamp_s = k / RATE_HZ
-        told, rate = motion(stamp_s - found.late_s)
+        reported, rate = motion(stamp_s - found.late_s)
         true, _ = motion(stamp_s - late_s)
         position = np.array((0.6 * (stamp_s - late_s), 0.0, 0.0))
         late = found.late_s
-        flight.step(stamp_s, position, true, told, body_rate=rate, late_s=late)
+        flight.step(stamp_s, position, true, reported, body_rate=rate, late_s=late)
         planes.append(estimator.step(flight.views))
         found.step(flight.views, planes[-1])
     return found, flight.views, planes

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from landing.ground.border import SIDES
-from landing.ground.brink import Brink
+from landing.ground.drop_off import DropOff
 from landing.ground.roughness import Relief
 from landing.options import Options
 from landing.vision.camera import CameraModel
@@ -33,26 +33,26 @@ def tracks(seed: int, side: int, step: float, share: float, std: float = 0.02) -
 def test_many_uncertain_tracks_are_sure_together(side: int, step: float):
     relief, pixels = tracks(1, side, step, 0.12, 0.035)
     assert (np.abs(relief.height) < OPTIONS.standing_sigmas * relief.std).all()
-    found = Brink(OPTIONS, CAMERA).step(relief, pixels, {side})
+    found = DropOff(OPTIONS, CAMERA).step(relief, pixels, {side})
     assert found == pytest.approx(step**2 * 0.12, rel=0.5)
     assert Options().decision.max_roughness ** 2 < found
 
 
 @settings(max_examples=200, deadline=None)
 @given(st.integers(0, 2**31), st.floats(0.005, 0.05))
-def test_noise_alone_is_no_brink(seed: int, std: float):
+def test_noise_alone_is_no_drop_off(seed: int, std: float):
     relief, pixels = tracks(seed, 0, 0.0, 0.0, std)
-    assert Brink(OPTIONS, CAMERA).step(relief, pixels, {0, 1, 2, 3}) == 0.0
+    assert DropOff(OPTIONS, CAMERA).step(relief, pixels, {0, 1, 2, 3}) == 0.0
 
 
 def test_only_where_ground_comes_in():
     relief, pixels = tracks(1, 0, 0.08, 0.12)
-    assert Brink(OPTIONS, CAMERA).step(relief, pixels, set()) == 0.0
-    assert Brink(OPTIONS, CAMERA).step(relief, pixels, {1}) == 0.0
+    assert DropOff(OPTIONS, CAMERA).step(relief, pixels, set()) == 0.0
+    assert DropOff(OPTIONS, CAMERA).step(relief, pixels, {1}) == 0.0
 
 
 def test_few_tracks_say_nothing():
     relief, pixels = tracks(1, 0, 0.5, 0.12)
     some = np.flatnonzero(pixels[:, 1] < OPTIONS.brink_share * 239)[: OPTIONS.brink_tracks - 1]
     few = Relief(relief.slots[some], relief.height[some], relief.std[some], 0.0, 0.003, 0, 0)
-    assert Brink(OPTIONS, CAMERA).step(few, pixels[some], {0}) == 0.0
+    assert DropOff(OPTIONS, CAMERA).step(few, pixels[some], {0}) == 0.0

@@ -13,7 +13,7 @@ from landing.options import EstimatorOptions
 from landing.vision.camera import CameraModel
 
 
-class Brink:
+class DropOff:
     """Means of the heights of the tracks nearest to a side, as far in as they say most."""
 
     def __init__(self, options: EstimatorOptions, camera: CameraModel) -> None:

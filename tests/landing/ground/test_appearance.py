@@ -1,4 +1,4 @@
-"""Ground that looks unlike what has been measured, where it comes into view."""
+"""Ground that looks different from what has been measured, where it comes into view."""
 
 import numpy as np
 import pytest
@@ -6,8 +6,8 @@ from border_support import CAMERA, FRAMES, RATE_HZ, TURNS, pictures
 
 from landing.decision.decision import against_flat
 from landing.estimate import SurfaceEstimate
+from landing.ground.appearance import AppearanceChange
 from landing.ground.border import SIDES
-from landing.ground.unlike import Unlike
 from landing.observation import Observation
 from landing.options import Options
 from landing.pipeline import SurfacePipeline
@@ -30,43 +30,43 @@ def shaded(image: np.ndarray, side: str, depth: int, factor: float) -> np.ndarra
 
 @pytest.mark.parametrize("side", TURNS)
 @pytest.mark.parametrize("factor", [0.4, 1.9])
-def test_another_brightness_is_told_at_its_side(side: str, factor: float):
-    unlike = Unlike(OPTIONS.estimator, CAMERA)
+def test_another_brightness_is_reported_at_its_side(side: str, factor: float):
+    detector = AppearanceChange(OPTIONS.estimator, CAMERA)
     *usual, last = pictures(None, 0)
     for image in usual:
-        assert unlike.step(image, ALL) == set()
-    assert unlike.step(shaded(last, side, 8, factor), ALL) == {NUMBER[side]}
+        assert detector.step(image, ALL) == set()
+    assert detector.step(shaded(last, side, 8, factor), ALL) == {NUMBER[side]}
 
 
-def test_a_flight_that_begins_near_an_edge_is_told_of_it():
+def test_a_flight_that_begins_near_an_edge_is_reported_of_it():
     """Ten frames are enough: what is usual need not be learnt for seconds first."""
-    unlike = Unlike(OPTIONS.estimator, CAMERA)
+    detector = AppearanceChange(OPTIONS.estimator, CAMERA)
     *usual, last = pictures(None, 0)[:11]
     for image in usual:
-        assert unlike.step(image, ALL) == set()
-    assert unlike.step(shaded(last, "top", 8, 0.75), ALL) == {NUMBER["top"]}
+        assert detector.step(image, ALL) == set()
+    assert detector.step(shaded(last, "top", 8, 0.75), ALL) == {NUMBER["top"]}
 
 
 def test_vignetting_is_usual_and_so_are_changes_of_the_light():
-    unlike = Unlike(OPTIONS.estimator, CAMERA)
+    detector = AppearanceChange(OPTIONS.estimator, CAMERA)
     y, x = np.mgrid[: CAMERA.height, : CAMERA.width]
     lens = 1 - 0.6 * np.hypot((x - 120) / 120, (y - 90) / 90) / np.sqrt(2)
     for k, image in enumerate(pictures(None, 0)):
         seen = image * lens * (0.7 + 0.3 * np.sin(k / 3))
-        assert unlike.step(np.clip(np.rint(seen), 0, 255).astype(np.uint8), ALL) == set()
+        assert detector.step(np.clip(np.rint(seen), 0, 255).astype(np.uint8), ALL) == set()
 
 
 def test_what_stays_becomes_usual():
-    unlike = Unlike(OPTIONS.estimator, CAMERA)
-    unlike.step(pictures(None, 0)[0], ALL)
-    told = [bool(unlike.step(shaded(pictures(None, 0)[0], "top", 8, 0.4), ALL)) for _ in range(200)]
-    assert told[0]
-    assert not told[-1]
+    detector = AppearanceChange(OPTIONS.estimator, CAMERA)
+    detector.step(pictures(None, 0)[0], ALL)
+    reported = [bool(detector.step(shaded(pictures(None, 0)[0], "top", 8, 0.4), ALL)) for _ in range(200)]
+    assert reported[0]
+    assert not reported[-1]
 
 
 def test_a_small_view_is_left_alone():
     small = CameraModel.from_focal(80, 60, 60.0)
-    assert Unlike(OPTIONS.estimator, small).step(np.zeros((60, 80), np.uint8), ALL) == set()
+    assert AppearanceChange(OPTIONS.estimator, small).step(np.zeros((60, 80), np.uint8), ALL) == set()
 
 
 def test_only_where_ground_comes_in_it_speaks_against_flat():
@@ -76,14 +76,14 @@ def test_only_where_ground_comes_in_it_speaks_against_flat():
         for k, image in enumerate(pictures(None, 0)):  # the ground comes in at the right
             seen = shaded(image, side, 8, 0.4) if k == FRAMES - 1 else image
             estimate = pipeline.step(Observation(k, k / RATE_HZ, seen, np.eye(3), 1e-5))
-        flat[side] = estimate.flat, estimate.unlike
+        flat[side] = estimate.flat, estimate.appearance_change
     assert flat == {"right": (False, True), "left": (True, False)}
 
 
 def test_the_reason_is_said():
     fine = SurfaceEstimate(
         0, 0.0, "ok", "map", inclination_deg=1.0, inclination_std_deg=0.2, roughness=0.001, roughness_std=0.001,
-        coverage=0.9, unlike=True,
+        coverage=0.9, appearance_change=True,
     )  # fmt: skip
     (reason,) = against_flat(fine, OPTIONS.decision)
     assert reason == Reason(Code.APPEARANCE_CHANGE)

@@ -51,7 +51,7 @@ class _Usual:
         return abs(away)
 
 
-class Unlike:
+class AppearanceChange:
     """Compares the brightness of sides with that of the view behind them, and with what is usual there."""
 
     def __init__(self, options: EstimatorOptions, camera: CameraModel) -> None:

@@ -63,10 +63,10 @@ class LandRequest:
     text: str
 
 
-Judgement = Decision | Event | LandRequest | Ordered
+Output = Decision | Event | LandRequest | Ordered
 
 
-class Judge:
+class DecisionLogic:
     """Keeps the verdict, the permission and the command's state; tells decisions on change and once a second.
 
     ``now_us`` is always the steady companion time, by which inputs age; ``time_unix_us`` the companion's clock as
@@ -90,7 +90,7 @@ class Judge:
         self._verdict = Verdict("unknown", (Reason(Code.NOTHING_SEEN),), 0.0, False)
         self._frame = 0
         self._since_us = 0
-        self._told: Decision | None = None
+        self._reported: Decision | None = None
         self._against: str | None = None if by_pilot else ""
         self._by_pilot = by_pilot
         self._approach = None if approach is None else approach(self._consent)
@@ -112,9 +112,9 @@ class Judge:
 
     def see(
         self, estimate: SurfaceEstimate, now_us: int, time_unix_us: int, yaw: float = math.nan
-    ) -> list[Judgement]:
+    ) -> list[Output]:
         """Take the next estimate; ``yaw`` in rad at its exposure."""
-        out: list[Judgement] = []
+        out: list[Output] = []
         self._verdict = verdict = self._believed(self._decider.step(estimate))
         self._frame = estimate.frame
         self._since_us = time_unix_us - round((estimate.time_s - verdict.since_s) * 1e6)
@@ -134,7 +134,7 @@ class Judge:
         if self._approach is not None:
             self._approach.locate(position_ned, now_us)
 
-    def watch(self, now_us: int, time_unix_us: int, time_s: float) -> list[Judgement]:
+    def watch(self, now_us: int, time_unix_us: int, time_s: float) -> list[Output]:
         """Between frames: what ends the landing procedure ends it at once."""
         if self._approach is None:
             return []
@@ -143,9 +143,9 @@ class Judge:
             return []
         return self._obeyed(ordered, time_unix_us) + self.decide(now_us, time_unix_us)
 
-    def _obeyed(self, ordered: list[Event | Ordered], time_unix_us: int) -> list[Judgement]:
+    def _obeyed(self, ordered: list[Event | Ordered], time_unix_us: int) -> list[Output]:
         """The procedure's orders; its hand-over is a request to land as any other."""
-        out: list[Judgement] = []
+        out: list[Output] = []
         for entry in ordered:
             out.append(entry)
             if isinstance(entry, Ordered) and entry.order.kind is OrderKind.LAND:
@@ -159,9 +159,9 @@ class Judge:
         """Whether the autopilot lands at our request, under the permission that stood then."""
         return self._command.busy and self._consent.permission.phase is Phase.USED
 
-    def no_frames(self, now_us: int, time_unix_us: int) -> list[Judgement]:
+    def no_frames(self, now_us: int, time_unix_us: int) -> list[Output]:
         """The camera went silent: what was last seen says nothing of what is below now."""
-        out: list[Judgement] = []
+        out: list[Output] = []
         reasons = (Reason(Code.NO_FRAMES),)
         if self._verdict.verdict != "unknown":
             said = in_words(reasons)
@@ -171,7 +171,7 @@ class Judge:
         self._verdict = Verdict("unknown", reasons, self._verdict.since_s, False)
         return out + self.decide(now_us, time_unix_us)
 
-    def follow(self, sample: Followed, now_us: int, time_unix_us: int) -> list[Judgement]:
+    def follow(self, sample: Followed, now_us: int, time_unix_us: int) -> list[Output]:
         """Take what the autopilot says of itself, of its pilot and of the command."""
         self._consent.feed(sample, now_us)
         self._health.radio_lost = self._consent.radio_lost
@@ -182,14 +182,14 @@ class Judge:
         out = self._ended(changes, time_unix_us)
         return [*out, *self.decide(now_us, time_unix_us)] if out else []
 
-    def forget_autopilot(self, time_unix_us: int) -> list[Judgement]:
+    def forget_autopilot(self, time_unix_us: int) -> list[Output]:
         """The autopilot rebooted: nothing it said of itself holds any more, nor what was permitted."""
         self._consent.reboot()
         return self._ended(self._command.reboot(time_unix_us), time_unix_us)
 
-    def _ended(self, changes: list[CommandChange], time_unix_us: int) -> list[Judgement]:
+    def _ended(self, changes: list[CommandChange], time_unix_us: int) -> list[Output]:
         """The events of the command's changes, and of what they make of the permission."""
-        out: list[Judgement] = [*self._events_of(changes)]
+        out: list[Output] = [*self._events_of(changes)]
         for change in changes:
             if change.code in ENDS:
                 self._consent.permission.end(ENDS[change.code])
@@ -197,7 +197,7 @@ class Judge:
             self._command.reset()
         return out + self._permission_change(time_unix_us)
 
-    def _permission_change(self, time_unix_us: int) -> list[Judgement]:
+    def _permission_change(self, time_unix_us: int) -> list[Output]:
         """The event of a permission that began or ended; none where it is given by hand."""
         against = self._consent.against_enabling if self._by_pilot else ""
         if against == self._against:
@@ -208,9 +208,9 @@ class Judge:
 
     def decide(
         self, now_us: int, time_unix_us: int, *, seen: bool = False, always: bool = False
-    ) -> list[Judgement]:
+    ) -> list[Output]:
         """Ask the permit and tell the decision when that is due; only what was just ``seen`` flat makes a request."""
-        out: list[Judgement] = []
+        out: list[Output] = []
         withheld = self._consent.objections(now_us, command_busy=self._command.busy)
         out += self._permission_change(time_unix_us)
         permitted = not withheld
@@ -235,9 +235,9 @@ class Judge:
             command_code=self._command.code.value,
             procedure=msgspec.UNSET if self._approach is None else self._approach.state or msgspec.UNSET,
         )
-        last = self._told
+        last = self._reported
         if always or last is None or _gist(decision) != _gist(last) or _due(decision, last):
-            self._told = decision
+            self._reported = decision
             out.append(decision)
         return out
 

@@ -6,8 +6,8 @@ from itertools import pairwise
 import pytest
 from estimates import FLAT
 
+from companion.core.decision_logic import DecisionLogic, LandRequest
 from companion.core.health import Clocks, HealthMonitor
-from companion.core.judge import Judge, LandRequest
 from companion.messages.messages import Decision, Event
 from companion.settings.settings import HealthSettings, LandingSettings, Settings
 from drivers.samples import (
@@ -26,12 +26,12 @@ STEEP = replace(FLAT, inclination_deg=30.0, flat=False)
 
 
 class Scene:
-    """A judge with healthy inputs, stepped frame by frame."""
+    """The decision logic with healthy inputs, stepped frame by frame."""
 
     def __init__(self, **landing):
         settings = Settings(landing=LandingSettings(**{"enabled": True, **landing}))
         self.health = HealthMonitor(settings.health, True)
-        self.judge = Judge(settings, self.health)
+        self.logic = DecisionLogic(settings, self.health)
         self.now_us = START_US
         self.frame = 0
         self.mode, self.armed, self.landed = "GUIDED", True, "in_air"
@@ -56,10 +56,10 @@ class Scene:
             for sample in self.inputs():
                 self.health.count(sample, self.now_us)
                 if isinstance(sample, Heartbeat | LandedState):
-                    out += self.judge.follow(sample, self.now_us, self.now_us)
+                    out += self.logic.follow(sample, self.now_us, self.now_us)
             self.frame += 1
             e = replace(estimate, frame=self.frame, time_s=self.now_us * 1e-6)
-            out += self.judge.see(e, self.now_us, self.now_us)
+            out += self.logic.see(e, self.now_us, self.now_us)
         return out
 
 
@@ -128,7 +128,7 @@ def test_not_enabled_it_only_says_what_it_would_do():
     assert requests(out) == []
     assert last(out).verdict == "fit"
     assert last(out).withheld == ("landing is not enabled",)
-    scene.judge.set_enabled(True, scene.now_us)
+    scene.logic.set_enabled(True, scene.now_us)
     assert len(requests(scene.run(1))) == 1
 
 
@@ -136,7 +136,7 @@ def test_a_frame_in_doubt_makes_no_request_while_the_verdict_lasts():
     doubtful = replace(FLAT, roughness=0.02, unsettled=True, flat=False)
     scene = Scene(enabled=False)
     scene.run(1.0)
-    scene.judge.set_enabled(True, scene.now_us)
+    scene.logic.set_enabled(True, scene.now_us)
     out = scene.run(0.1, doubtful)
     assert last(out).verdict == "fit"
     assert not requests(out)
@@ -146,27 +146,27 @@ def test_a_frame_in_doubt_makes_no_request_while_the_verdict_lasts():
 def test_a_new_permission_allows_another_request_once_the_command_has_ended():
     scene = Scene()
     assert len(requests(scene.run(2))) == 1
-    scene.judge.set_enabled(False, scene.now_us)
-    scene.judge.set_enabled(True, scene.now_us)
+    scene.logic.set_enabled(False, scene.now_us)
+    scene.logic.set_enabled(True, scene.now_us)
     assert requests(scene.run(1)) == [], "a command is under way"
     answer = CommandAnswer(scene.now_us, 21, "DENIED")
-    out = scene.judge.follow(answer, scene.now_us, scene.now_us)
+    out = scene.logic.follow(answer, scene.now_us, scene.now_us)
     assert events(out) == ["landing_refused"]
     assert len(requests(scene.run(1))) == 1, "for the second permission, with the next frame"
-    scene.judge.follow(answer, scene.now_us, scene.now_us)
+    scene.logic.follow(answer, scene.now_us, scene.now_us)
     assert requests(scene.run(1)) == [], "already requested under this permission"
 
 
 def test_the_command_is_followed_to_the_ground():
     scene = Scene()
     out = scene.run(2)
-    out += scene.judge.follow(CommandAnswer(scene.now_us, 21, "ACCEPTED"), scene.now_us, scene.now_us)
+    out += scene.logic.follow(CommandAnswer(scene.now_us, 21, "ACCEPTED"), scene.now_us, scene.now_us)
     scene.mode = "LAND"
     out += scene.run(1)
     scene.landed = "on_ground"
     out += scene.run(1)
-    told = [e for e in events(out) if e.startswith("landing_")]
-    assert told == ["landing_requested", "landing_accepted", "landing_started", "landing_landed"]
+    reported = [e for e in events(out) if e.startswith("landing_")]
+    assert reported == ["landing_requested", "landing_accepted", "landing_started", "landing_landed"]
     assert last(out).command == "landed"
     assert len(requests(out)) == 1
 
@@ -174,7 +174,7 @@ def test_the_command_is_followed_to_the_ground():
 def test_after_a_reboot_nothing_is_known_of_the_vehicle():
     scene = Scene()
     scene.run(0.2)
-    scene.judge.forget_autopilot(scene.now_us)
+    scene.logic.forget_autopilot(scene.now_us)
     scene.silent = {"heartbeat", "landed_state"}
     out = scene.run(1)
     assert requests(out) == []
@@ -193,10 +193,10 @@ def test_silence_of_the_camera_ends_the_verdict():
     scene = Scene(enabled=False)
     scene.run(2)
     scene.now_us += 2_000_000
-    out = scene.judge.no_frames(scene.now_us, scene.now_us)
+    out = scene.logic.no_frames(scene.now_us, scene.now_us)
     assert events(out) == ["decision_changed"]
     assert (last(out).verdict, last(out).reasons) == ("unknown", ("no frames",))
-    assert events(scene.judge.no_frames(scene.now_us + 1, scene.now_us + 1)) == []
+    assert events(scene.logic.no_frames(scene.now_us + 1, scene.now_us + 1)) == []
 
 
 def test_decisions_come_on_change_and_every_second():
@@ -232,7 +232,7 @@ def test_health_counts_rates_ages_and_refusals():
     ("name", "state"),
     [("frames", "failed"), ("attitude", "failed"), ("heartbeat", "degraded"), ("gyro", "degraded")],
 )
-def test_an_input_that_stopped_is_told_in_words(name, state):
+def test_an_input_that_stopped_is_reported_in_words(name, state):
     scene = Scene()
     scene.run(1)
     scene.silent = {name}
