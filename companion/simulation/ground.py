@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from companion.simulation.discs_in_view import discs_in_view
 from drivers.simulated.vehicle.quaternion import to_euler, to_matrix
 from drivers.simulated.world.truth import FrameTruth
 from drivers.simulated.world.world import World
@@ -15,6 +15,8 @@ from landing.ground.ground import stopping_distance
 from landing.ground.landing_area import LandingArea
 from landing.ground.relief import SUPPORT
 from landing.vision.camera import CameraModel
+
+Array = NDArray[np.float64]
 
 Fitness = Literal["fit", "unfit", "between"]
 
@@ -25,6 +27,7 @@ SLOPE_MARGIN_DEG = 2.0
 PATCH_M = 0.5
 """Radius of the ground that is looked at under a vehicle: it stands on that, however it is turned."""
 PATCH_POINTS = 11
+_RIM = np.arange(8) * (math.pi / 4)
 KNOWN_IN_S = 0.5
 """Ground that has been in view for so long can be measured: the longest baseline."""
 UNEVEN_M = 0.1
@@ -104,3 +107,31 @@ def _stop_in_view(truth: FrameTruth, camera: CameraModel, radius_m: float) -> bo
         camera, ned_from_camera, normal, truth.axis_distance_m, places, radius_m, margin_px
     )
     return bool(inside.all())
+
+
+def discs_in_view(
+    camera: CameraModel,
+    ned_from_camera: Array,
+    normal: Array,
+    distance_m: float,
+    places: Array,
+    radius_m: float,
+    margin_px: float,
+) -> NDArray[np.bool_]:
+    """Whether each disc (n,) lies whole in the picture, ``margin_px`` from its border or more.
+
+    ``places`` (n, 2) are the discs' middles, north and east of the camera in m. The surface is the plane
+    normal . X = distance_m in the camera frame, ``normal`` (-a, -b, 1).
+    """
+    rim = places[:, None, :] + radius_m * np.stack((np.cos(_RIM), np.sin(_RIM)), axis=1)
+    towards = ned_from_camera @ normal
+    if not towards[2] > 0:
+        return np.zeros(len(places), bool)
+    down = (distance_m - rim @ towards[:2]) / towards[2]
+    rays = np.concatenate((rim, down[..., None]), axis=-1) @ ned_from_camera
+    ahead = rays[..., 2] > 0
+    there = rays[..., :2] / np.where(ahead, rays[..., 2], 1.0)[..., None]
+    pixels = camera.project(there.reshape(-1, 2))
+    far = np.array((camera.width, camera.height)) - 1 - margin_px
+    inside = ((pixels >= margin_px) & (pixels <= far)).all(axis=1).reshape(ahead.shape)
+    return np.asarray((inside & ahead).all(axis=1))
