@@ -1,4 +1,4 @@
-"""What drivers tell beside samples: something that happened, once."""
+"""Events that drivers report beside samples: something that happened, once."""
 
 from dataclasses import dataclass, field
 from typing import Any

@@ -67,6 +67,22 @@ class Velocity:
 
 
 @dataclass(frozen=True, slots=True)
+class EstimatorReport:
+    """What the autopilot's estimator says of its own errors; ``source`` is the message's or the log's name for it.
+
+    ``velocity_known``, ``attitude_known``: whether it calls them good, None where the message does not say.
+    ``velocity_std`` (m/s, an axis) and ``tilt_std`` (rad, roll or pitch): one sigma, None where it does not say.
+    """
+
+    arrival_us: int
+    source: str
+    velocity_known: bool | None = None
+    attitude_known: bool | None = None
+    velocity_std: float | None = None
+    tilt_std: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Heartbeat:
     """The autopilot's HEARTBEAT; ``mode`` is the flight mode by name ("GUIDED", "LAND", ...).
 
@@ -85,7 +101,7 @@ class Heartbeat:
 class CurrentMode:
     """CURRENT_MODE (PX4): the flight mode, and the one that the pilot or a program asked for last, by name.
 
-    ``intended`` is empty where the autopilot does not tell. The two differ while a failsafe flies another mode.
+    ``intended`` is empty where the autopilot does not report it. The two differ while a failsafe flies another mode.
     """
 
     arrival_us: int
@@ -182,6 +198,7 @@ Sample = (
     | Attitude
     | Imu
     | Velocity
+    | EstimatorReport
     | Heartbeat
     | CurrentMode
     | SystemStatus

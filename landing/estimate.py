@@ -27,7 +27,7 @@ class TrackView:
 
 @dataclass(frozen=True, slots=True)
 class SurfaceEstimate:
-    """The surface below at one frame. Camera frame unless said; NaN where the motion does not tell.
+    """The surface below at one frame. Camera frame unless stated; NaN where the motion does not determine it.
 
     ``status`` is "ok" or the reason there is no estimate. Standard deviations are one sigma.
     """
@@ -63,9 +63,9 @@ class SurfaceEstimate:
     unsettled: bool = False
     """What makes it rough has just come into view and was not there in the frame before."""
     suspicious: bool = False
-    """What has just come into view may stand out."""
+    """Ground that has just come into view may have relief."""
     appearance_change: bool = False
-    """What has just come into view looks unlike the rest and is not measured yet."""
+    """The brightness of ground that has just come into view differs from the rest; it is not measured yet."""
     flat: bool = False
     against_flat: tuple[Reason, ...] = ()
     tracks: TrackView | None = field(default=None, compare=False)

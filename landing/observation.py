@@ -14,10 +14,12 @@ class Observation:
     observation to observation. ``ned_from_body`` is the (3, 3) attitude at mid-exposure, or None;
     ``rotation_std_rad`` the standard deviation of the error of the rotation between two exposures, per axis
     (timing, interpolation, sensor), ``tilt_std_rad`` that of roll and pitch themselves for want of the exact
-    moment. ``velocity_ned`` is (3,) m/s with one standard deviation for all axes, told by what lies
+    moment. ``velocity_ned`` is (3,) m/s with one standard deviation for all axes, measured from what lies
     ``velocity_age_s`` from the exposure; ``velocity_noise`` is the part of its error that changes from frame to
-    frame, one sigma of an axis in m/s. ``turn_rate`` is (3,) rad/s about the body's axes; ``late_s`` the
-    lateness of the stamps, beyond the one that is set, that all of this allows for.
+    frame, one sigma of an axis in m/s, and ``velocity_factor`` its slow part over the one that is assumed.
+    ``turn_rate`` is (3,) rad/s about the body's axes; ``late_s`` the lateness of the stamps, beyond the one that is
+    set, that all of this allows for; ``delay_s`` goes from the exposure to the stamp in all: how far the vehicle has
+    flown on since matters to where it comes down.
     """
 
     frame: int
@@ -29,6 +31,8 @@ class Observation:
     velocity_std: float = 0.2
     velocity_age_s: float = 0.0
     velocity_noise: float = 0.0
+    velocity_factor: float = 1.0
     tilt_std_rad: float = 0.0
     turn_rate: NDArray[np.float64] | None = None
     late_s: float = 0.0
+    delay_s: float = 0.0

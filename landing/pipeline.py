@@ -84,7 +84,7 @@ class SurfacePipeline:
             self.views.rows.readout_s,
             self.views.rows.std_s,
         )
-        self.contradictions = Contradictions(self.time_offset.farthest_s)
+        self.contradictions = Contradictions()
         self._motion: Motion | None = None
         self._border_was_rough = False
         self._last_s = -math.inf
@@ -108,7 +108,12 @@ class SurfacePipeline:
         self.relief.memory.move(*(prediction or (None, None)))
         self._last_s = observation.time_s
         plane = self.estimator.step(self.views)
+        confirmed = self.time_offset.confirmed
         self.time_offset.step(self.views, plane)
+        if self.time_offset.moved:
+            self.ground.forget()
+            if not confirmed:
+                self.contradictions.began_elsewhere()
         self._compare(observation, plane)
         self._apply_readout()
         self._motion = None
@@ -141,7 +146,9 @@ class SurfacePipeline:
             velocity = ned_from_camera.T @ observation.velocity_ned
             chi2 = velocity_chi2(velocity, observation.velocity_std, plane.omega, plane.omega_std)
         late = self.time_offset
-        self.contradictions.step(observation.time_s, rotation, chi2, late.late_s, late.std_s)
+        self.contradictions.step(observation.time_s, rotation, chi2, late.late_s, late.std_s, late.at_bound)
+        if self.contradictions.failing:
+            late.search()
 
     def _rotation_doubt(self, gap: int) -> Array:
         """Error (3,) rad, one sigma, of the rotation over ``gap`` frames by attitudes, lateness and readout."""

@@ -21,7 +21,7 @@ from companion.errors import LandslopeError
 
 SETTLE_S = 3.0
 LONG_S = 300.0
-"""From so many seconds on a growth of the memory is told: a shorter run shows but its warming up."""
+"""From so many seconds on a growth of the memory is reported: a shorter run shows only the warm-up."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -68,7 +68,7 @@ class PictureServer:
 
 
 class Background:
-    """A thread that does ``_run`` while a ``with`` block lasts; ``_stop`` tells it to end."""
+    """A thread that does ``_run`` while a ``with`` block lasts; ``_stop`` ends it."""
 
     def __init__(self) -> None:
         self._stop = threading.Event()

@@ -2,7 +2,7 @@
 
 Between two frames the exact plane fit finds the camera's rotation from the tracks alone (the measured rotation only
 starts it, with a prior too loose to matter). Shifting the measured rotation in time until both agree gives the offset:
-a cross-correlation, weighted by what each pair of frames tells about each axis. Its minimum is found below the sampling
+a cross-correlation, weighted by the information of each pair of frames. Its minimum is found below the sampling
 by a parabola; leaving out one stretch of the flight after another (jackknife) gives the uncertainty.
 """
 
@@ -80,7 +80,7 @@ class _Pair:
 def measure_time_offset(
     samples: Iterable[Sample], camera: CameraModel, settings: Settings, options: TimeOffsetOptions
 ) -> TimeOffset:
-    """The offset of a flight whose samples are given; raises LandslopeError when the flight cannot tell."""
+    """The offset of a flight's samples; raises LandslopeError when the flight has too little information."""
     attitudes, pairs = _observe(samples, camera, settings, options)
     if len(pairs) < options.min_pairs:
         raise LandslopeError(
@@ -212,7 +212,7 @@ def _search(
         error = seen - motion.turns(pairs, float(shift), body_from_camera)
         squares[row] = (np.einsum("nij,ni->nj", roots, error) ** 2).sum(axis=1)
     scale = np.median(squares[squares.sum(axis=1).argmin()]) + 1e-12
-    return shifts, np.log1p(squares / scale)  # Cauchy: a bad pair is worth little
+    return shifts, np.log1p(squares / scale)  # Cauchy: a bad pair has little weight
 
 
 def _minimum(shifts: Array, cost: Array) -> tuple[float, bool]:

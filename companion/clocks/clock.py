@@ -80,7 +80,7 @@ class AutopilotClock:
     """Feed it every arrival with a boot time; ask it for the boot time of a companion time.
 
     All times are microseconds. "Steady" is the companion's time with the jumps taken out; ``shift_us`` is their sum
-    (raw = steady + shift). ``witness`` tells whether the frames' stamps stepped; without one no lateness of a link's
+    (raw = steady + shift). ``witness`` says whether the frames' stamps stepped; without one no lateness of a link's
     size is taken for a clock that was set, and with ``monotonic`` none at all: that clock cannot be set.
     """
 

@@ -14,7 +14,7 @@ from companion.settings.settings import SyncSettings
 BUCKET_US = 1_000_000
 
 DRIFT_FROM_BUCKETS = 8
-"""Seconds of arrivals from which the drift is worth estimating."""
+"""Seconds of arrivals from which the drift is estimated."""
 
 WANDER_PPM = 5.0
 """How much the drift itself changes within the window: crystals with temperature."""

@@ -17,7 +17,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the comparison."""
-    from companion.simulation.compare import comparison, worse_flights
+    from companion.simulation.counting.compare import comparison, worse_flights
     from companion.simulation.result_table import read_rows
 
     before, after = read_rows(args.before), read_rows(args.after)

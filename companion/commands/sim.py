@@ -41,15 +41,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="without threads and sockets: the same flight every time, as fast as it computes",
     )  # fmt: skip
     flight.add_argument(
-        "--autopilot", choices=("built-in", "ardupilot"), default="built-in",
-        help="who flies; ardupilot: an ArduCopter SITL started with --model JSON:127.0.0.1",
+        "--autopilot", choices=("built-in", "ardupilot", "px4"), default="built-in",
+        help="who flies; ardupilot: an ArduCopter SITL started with --model JSON:127.0.0.1; px4: a PX4 SITL with SIH",
     )  # fmt: skip
     flight.add_argument(
-        "--connect", default="tcp:127.0.0.1:5760", metavar="CONNECTION", help="MAVLink of the ArduCopter SITL"
-    )
+        "--connect", metavar="CONNECTION",
+        help="the real autopilot's MAVLink (default: tcp:127.0.0.1:5760, PX4: udpin:127.0.0.1:14540)",
+    )  # fmt: skip
     flight.add_argument(
-        "--pilot", default="tcp:127.0.0.1:5762", metavar="CONNECTION",
-        help="the SITL's second MAVLink port, for the scenario's pilot (default: tcp:127.0.0.1:5762)",
+        "--pilot", metavar="CONNECTION",
+        help="its second MAVLink, for the scenario's pilot (default: tcp:127.0.0.1:5762, PX4: udpin:127.0.0.1:14550)",
     )  # fmt: skip
     flight.add_argument(
         "--physics-port", type=int, default=9002, metavar="PORT",
@@ -122,16 +123,22 @@ def _fly(args: argparse.Namespace, scenario: Any, progress: Any) -> Any:
         from companion.simulation.lockstep import LockstepOptions, fly
 
         return fly(scenario, args.config, args.overrides, LockstepOptions(record=args.record), progress)
-    from companion.simulation.simulation import ArduPilot, LiveOptions, fly_live
+    from companion.simulation.simulation import ArduPilot, LiveOptions, Px4, fly_live
 
-    ardupilot = None
+    autopilot: ArduPilot | Px4 | None = None
+    reached = {name: value for name, value in (("connection", args.connect), ("pilot", args.pilot)) if value}
+    if args.autopilot != "built-in" and args.speed != 1.0:
+        raise LandslopeError(
+            f"--speed is the autopilot's own with --autopilot {args.autopilot}: start ArduCopter with --speedup, "
+            "PX4 with PX4_SIM_SPEED_FACTOR"
+        )
     if args.autopilot == "ardupilot":
-        if args.speed != 1.0:
-            raise LandslopeError("--speed is SITL's own with --autopilot ardupilot: start it with --speedup")
         if not 1 <= args.physics_port <= 65535:
             raise LandslopeError(f"--physics-port {args.physics_port} is outside its limits 1 to 65535")
-        ardupilot = ArduPilot(args.connect, args.pilot, args.physics_port)
-    options = LiveOptions(args.speed, args.record, args.watch, ardupilot)
+        autopilot = ArduPilot(**reached, physics_port=args.physics_port)
+    elif args.autopilot == "px4":
+        autopilot = Px4(**reached)
+    options = LiveOptions(args.speed, args.record, args.watch, autopilot)
     return fly_live(scenario, args.config, args.overrides, options, progress)
 
 

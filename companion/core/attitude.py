@@ -152,7 +152,7 @@ class AttitudeBuffer:
         return x, y, z
 
     def _rates(self, start_us: int, end_us: int) -> list[tuple[int, Vector]] | None:
-        """Turn rates from start to end; None where the gyro tells nothing inside or does not reach near the ends.
+        """Turn rates from start to end; None where the gyro has no sample inside or does not reach near the ends.
 
         At the ends the rate is interpolated, or the nearest sample's where the next one is still under way; the
         error of that goes into the closing, which the attitudes themselves fix.

@@ -1,4 +1,4 @@
-"""The camera's times as the pipeline finds them, and when an event reports them."""
+"""Lateness of the frames and rolling-shutter readout, as estimated, and when an event reports them."""
 
 import math
 
@@ -31,9 +31,11 @@ class CameraTimes:
             return None, None
         return self.found.readout_s, self.found.readout_std_s
 
-    def step(self, now_s: float, frame: int | None, time_unix_us: int) -> list[Event]:
-        """What is to be reported now."""
-        out = self._late(frame, time_unix_us)
+    def step(
+        self, now_s: float, frame: int | None, time_unix_us: int, contradicted: bool = False
+    ) -> list[Event]:
+        """What is to be reported now; no lateness while pictures and vehicle contradict each other."""
+        out = [] if contradicted and not self.found.at_bound else self._late(frame, time_unix_us)
         if self._readout_known:
             return out
         found = self.found
@@ -56,13 +58,17 @@ class CameraTimes:
     def _late(self, frame: int | None, time_unix_us: int) -> list[Event]:
         """A lateness that is surely there, and again when it has surely changed."""
         late_s, std_s = self.found.late_s, self.found.std_s
-        if abs(late_s - self._late_reported_s) <= max(LATE_REPORTED_S, LATE_SIGMAS * std_s):
+        at_least = self.found.at_bound
+        sure_s = 0.0 if at_least else LATE_SIGMAS * std_s
+        if abs(late_s - self._late_reported_s) <= max(LATE_REPORTED_S, sure_s):
             return []
         self._late_reported_s = late_s
+        size, side = f"{abs(late_s) * 1e3:.0f} ms", "later" if late_s > 0 else "earlier"
+        against = f"than camera.time_offset_s = {self._set_offset_s:g} s says"
+        details = {"late_s": round(late_s, 6)}
+        if at_least:
+            text = f"frames are at least {size} {side} {against}: check it, and what delays the pictures"
+            return [event("camera_late", frame, time_unix_us, text, details | {"at_least": True})]
         right_s = round(self._set_offset_s + late_s, 3) + 0.0
-        text = (
-            f"frames are {abs(late_s) * 1e3:.0f} ms {'later' if late_s > 0 else 'earlier'} than camera.time_offset_s = "
-            f"{self._set_offset_s:g} s says; it is allowed for, set it to {right_s:.3f}"
-        )
-        details = {"late_s": round(late_s, 6), "std_s": round(std_s, 6)}
-        return [event("camera_late", frame, time_unix_us, text, details)]
+        text = f"frames are {size} {side} {against}; it is allowed for, set it to {right_s:.3f}"
+        return [event("camera_late", frame, time_unix_us, text, details | {"std_s": round(std_s, 6)})]

@@ -57,7 +57,7 @@ WORDS = {
     Command.FAILSAFE: "failsafe: the autopilot left LAND in a failsafe",
     Command.TAKEN_OVER: "taken over: the mode left LAND",
 }
-"""Code -> words, as ``Decision.command`` tells them; the word before the colon names the event."""
+"""Code -> words, as in ``Decision.command``; the word before the colon names the event."""
 
 ANSWERS = {
     "ACCEPTED": Command.ACCEPTED,
@@ -109,7 +109,7 @@ class CommandState:
     """Follows one MAV_CMD_NAV_LAND: requested, answered, mode LAND seen, landed; or refused or failed, why.
 
     Nothing here repeats a command. ``mode_timeout_s``: how long an accepted one may take to change the mode. What
-    ends a landing in the air is told apart: our own hold, a failsafe, or else the pilot.
+    ends a landing in the air is distinguished: our own hold, a failsafe, or else the pilot.
     """
 
     def __init__(self, mode_timeout_s: float = 5.0) -> None:
@@ -167,7 +167,7 @@ class CommandState:
         if answer.command == DO_SET_MODE and self._holding and answer.result == "ACCEPTED":
             self._hold_accepted = True
             return []
-        # An answer that comes after the wait was given up still tells the truth.
+        # An answer that comes after the wait was given up is still true.
         if answer.command != NAV_LAND or not (self.code in WAITING or self.code is Command.NO_ANSWER):
             return []
         code = ANSWERS.get(answer.result, Command.OTHER_RESULT)

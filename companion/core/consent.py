@@ -106,7 +106,7 @@ class Consent:
 
     @property
     def against_enabling(self) -> str:
-        """Why landing is not enabled, in words; empty when it is. What an event tells at every change."""
+        """Why landing is not enabled, in words; empty when it is. An event reports every change."""
         permission = self.permission
         if permission.phase not in (Phase.STANDING, Phase.USED):
             return str(permission.objection)

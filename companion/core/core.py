@@ -7,6 +7,7 @@ from companion.core.approach import Approach, Ordered
 from companion.core.attitude import BodyAttitude
 from companion.core.camera_times import CameraTimes
 from companion.core.decision_logic import DecisionLogic, Followed, LandRequest
+from companion.core.estimator_doubt import ASSUMED_VELOCITY_STD
 from companion.core.frozen_camera import FrozenCamera
 from companion.core.ground import GroundReporter
 from companion.core.health import Clocks, HealthMonitor
@@ -27,7 +28,7 @@ from landing.rotations import euler_from_matrix
 from landing.vision.camera import CameraModel
 
 ATTITUDE_WITNESSES = 3
-"""Frames in a row without an attitude (or with one again) before an event tells of it."""
+"""Frames in a row without an attitude (or with one again) before an event reports it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +46,7 @@ def observation_of(ready: ReadyFrame) -> Observation:
     """What the pipeline is given for a frame."""
     frame, attitude, time_s = ready.frame, ready.attitude, ready.time_us * 1e-6
     if not isinstance(attitude, BodyAttitude):
-        return Observation(frame.number, time_s, frame.image, late_s=ready.late_s)
+        return Observation(frame.number, time_s, frame.image, late_s=ready.late_s, delay_s=ready.delay_s)
     rotation, std = attitude.ned_from_body, attitude.rotation_std
     return Observation(
         frame.number,
@@ -56,9 +57,12 @@ def observation_of(ready: ReadyFrame) -> Observation:
         ready.velocity_ned,
         velocity_age_s=ready.velocity_age_s,
         velocity_noise=ready.velocity_noise,
-        tilt_std_rad=attitude.tilt_std,
+        velocity_std=ASSUMED_VELOCITY_STD * ready.doubt.velocity_factor,
+        velocity_factor=ready.doubt.velocity_factor,
+        tilt_std_rad=math.hypot(attitude.tilt_std, ready.doubt.tilt_std),
         turn_rate=attitude.turn_rate,
         late_s=ready.late_s,
+        delay_s=ready.delay_s,
     )
 
 
@@ -157,7 +161,7 @@ class Core:
         return out
 
     def tick(self, now_us: int) -> list[Output]:
-        """Time passed without a sample, as happens live: frames that waited long enough go on, silence is told."""
+        """Time passed without a sample: frames that waited long enough are processed, silence is reported."""
         out: list[Output] = []
         for frame in self._sync.tick(now_us):
             self._process(frame, out)
@@ -165,7 +169,7 @@ class Core:
         return out
 
     def finish(self) -> list[Output]:
-        """End of the input: frames still waiting are processed, the last state is told."""
+        """End of the input: frames still waiting are processed, the last state is reported."""
         out: list[Output] = []
         for frame in self._sync.flush("end_of_input"):
             self._process(frame, out)
@@ -226,7 +230,7 @@ class Core:
         out += self._logic.see(estimate, self._sync.now_us, ready.exposure_us, _yaw(observation))
 
     def _watch_attitude(self, ready: ReadyFrame, out: list[Output]) -> None:
-        """Tell when frames begin to lack an attitude, and when they have one again."""
+        """Report when frames begin to lack an attitude, and when they have one again."""
         reason = ready.attitude if isinstance(ready.attitude, str) else ""
         known = not reason
         if known == self._attitude_known or reason == "no_telemetry":
@@ -241,7 +245,7 @@ class Core:
                 out.append(event(name, ready.frame.number, ready.exposure_us, text))
 
     def _watch_contradictions(self, ready: ReadyFrame, out: list[Output]) -> None:
-        """Tell which comparison of pictures and vehicle begins to fail, and when none does any more."""
+        """Report which comparison of images and vehicle begins to fail, and when none does any more."""
         failing = tuple(str(status) for status in self._pipeline.contradictions.failing)
         before, self._health.contradictions = self._health.contradictions, failing
         for name in failing:
@@ -251,7 +255,7 @@ class Core:
             out.append(event("motion_agrees", ready.frame.number, ready.exposure_us))
 
     def _watch_picture(self, seen: Observation, ready: ReadyFrame, out: list[Output]) -> bool:
-        """Whether the camera is frozen, as far as the attitude shows it; changes are told."""
+        """Whether the camera is frozen, as far as the attitude shows it; changes are reported."""
         if seen.ned_from_body is None:
             return self._frozen.frozen
         before = self._frozen.frozen
@@ -291,6 +295,8 @@ class Core:
 
     def _report_health(self, out: list[Output]) -> None:
         now_us, raw_us, clock = self._sync.now_us, self._sync.raw_us(), self._sync.clock
+        doubt = self._sync.doubt.at(now_us)
+        self._health.velocity_unknown, self._health.tilt_unaided = not doubt.velocity_known, doubt.unaided
         stale = frozenset(self._health.stale(now_us)) if self._health.telemetry else frozenset()
         for name in sorted(stale ^ self._stale):
             kind, what = ("input_stale", "stopped") if name in stale else ("input_back", "back")
@@ -302,8 +308,10 @@ class Core:
         if clock.settled:
             found = self._pipeline.time_offset
             offset_s = clock.offset_us(clock.boot_us(now_us)) * 1e-6
-            out += self._times.step(now_us * 1e-6, self._frame_number, raw_us)
-            clocks = Clocks(offset_s, clock.std_s, found.late_s, found.std_s, *self._times.readout)
+            contradicted = bool(self._pipeline.contradictions.failing)
+            out += self._times.step(now_us * 1e-6, self._frame_number, raw_us, contradicted)
+            late_std_s = None if found.at_bound else found.std_s
+            clocks = Clocks(offset_s, clock.std_s, found.late_s, late_std_s, *self._times.readout)
         out.append(self._health.message(now_us, raw_us, clocks))
 
 

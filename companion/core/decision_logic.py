@@ -56,7 +56,7 @@ ENDS = {
 
 @dataclass(frozen=True, slots=True)
 class LandRequest:
-    """The autopilot is to be told to land."""
+    """The autopilot is to be commanded to land."""
 
     frame: int
     time_unix_us: int
@@ -67,10 +67,10 @@ Output = Decision | Event | LandRequest | Ordered
 
 
 class DecisionLogic:
-    """Keeps the verdict, the permission and the command's state; tells decisions on change and once a second.
+    """Keeps the verdict, the permission and the command's state; publishes decisions on change and once a second.
 
     ``now_us`` is always the steady companion time, by which inputs age; ``time_unix_us`` the companion's clock as
-    stamped, for the messages. ``by_pilot``: see ``Consent``; changes of the permission are then told as events.
+    stamped, for the messages. ``by_pilot``: see ``Consent``; changes of the permission are then events.
     """
 
     def __init__(
@@ -209,7 +209,10 @@ class DecisionLogic:
     def decide(
         self, now_us: int, time_unix_us: int, *, seen: bool = False, always: bool = False
     ) -> list[Output]:
-        """Ask the permit and tell the decision when that is due; only what was just ``seen`` flat makes a request."""
+        """Check the permission and publish the decision when it is due.
+
+        Only an estimate that was just ``seen`` flat makes a request.
+        """
         out: list[Output] = []
         withheld = self._consent.objections(now_us, command_busy=self._command.busy)
         out += self._permission_change(time_unix_us)
@@ -268,7 +271,7 @@ class DecisionLogic:
 
 
 def _gist(decision: Decision) -> tuple[object, ...]:
-    """What of a decision is told at once when it changes."""
+    """The part of a decision that is published at once when it changes."""
     d = decision
     procedure = () if isinstance(d.procedure, msgspec.UnsetType) else (d.procedure.state, d.procedure.code)
     return d.verdict, d.permitted, d.withheld, d.requested, d.command, procedure

@@ -13,6 +13,7 @@ from drivers.samples import (
     ClockOffset,
     CommandAnswer,
     CurrentMode,
+    EstimatorReport,
     Frame,
     Heartbeat,
     Imu,
@@ -35,6 +36,7 @@ INPUTS: dict[type, str] = {
     Heartbeat: "heartbeat",
     LandedState: "landed_state",
     CurrentMode: "current_mode",
+    EstimatorReport: "estimator",
     SystemStatus: "system_status",
     SystemTime: "system_time",
     StatusText: "status_text",
@@ -59,6 +61,9 @@ SOURCES = {
     "HEARTBEAT": "heartbeat",
     "EXTENDED_SYS_STATE": "landed_state",
     "CURRENT_MODE": "current_mode",
+    "EKF_STATUS_REPORT": "estimator",
+    "ESTIMATOR_STATUS": "estimator",
+    "ODOMETRY": "estimator",
     "SYS_STATUS": "system_status",
     "SYSTEM_TIME": "system_time",
     "STATUSTEXT": "status_text",
@@ -127,6 +132,8 @@ class HealthMonitor:
         self.camera_frozen = False
         self.contradictions: tuple[str, ...] = ()
         """Comparisons of the pictures' motion with the vehicle's that fail: statuses of an estimate."""
+        self.velocity_unknown = self.tilt_unaided = False
+        """What the autopilot's estimator says of itself."""
         self._heartbeat: Heartbeat | None = None
         self.wrong_size = ""
         """What size the pictures have where it is not the calibration's; empty while it is."""
@@ -202,6 +209,10 @@ class HealthMonitor:
             yield condition(Code.CAMERA_FROZEN)
         for name in self.contradictions:
             yield condition(Code(name))
+        if self.velocity_unknown:
+            yield condition(Code.VELOCITY_UNKNOWN)
+        elif self.tilt_unaided:
+            yield condition(Code.ATTITUDE_UNSURE)
         if self.vehicles_clash:
             yield condition(Code.TWO_VEHICLES)
         if self.wrong_size:

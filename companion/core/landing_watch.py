@@ -49,7 +49,7 @@ class LandingWatch:
         return None
 
     def _take(self, decision: Decision) -> None:
-        """A decision is told at every change of the verdict, so the one taken last holds until the next."""
+        """A decision is published at every change of the verdict, so the one taken last holds until the next."""
         self._landing = decision.command in LANDING
         self._unfit = decision.verdict == "unfit" and bool(MEASURED.intersection(decision.reason_codes))
         if not self._landing:

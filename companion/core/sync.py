@@ -12,10 +12,11 @@ from companion.clocks.copies import Copies
 from companion.clocks.frame_time import Correction, FrameTimeline
 from companion.clocks.link_watch import LinkWatch
 from companion.core.attitude import AttitudeBuffer, BodyAttitude
+from companion.core.estimator_doubt import NO_DOUBT, Doubt, EstimatorDoubt
 from companion.core.velocity import VelocityBuffer
 from companion.settings.settings import Settings
 from drivers.refusals import RefusalCode
-from drivers.samples import Attitude, ClockOffset, Frame, Imu, Sample, Velocity
+from drivers.samples import Attitude, ClockOffset, EstimatorReport, Frame, Imu, Sample, Velocity
 
 MILLISECOND_US = 1000
 MICROSECOND_SOURCES = ("RAW_IMU", "HIGHRES_IMU")
@@ -30,8 +31,8 @@ class ReadyFrame:
 
     ``exposure_us``: mid-exposure on the companion's clock as stamped; ``time_us`` rises from frame to frame;
     ``boot_us``: mid-exposure in boot time, None without a relation. ``attitude`` is the reason where there is none.
-    ``velocity_age_s``: from the exposure to what tells the velocity; ``velocity_noise`` m/s. ``late_s``: lateness
-    found along the way, which ``boot_us`` allows for.
+    ``velocity_age_s``: from the exposure to the sample of the velocity; ``velocity_noise`` m/s. ``late_s``: lateness
+    found along the way, which ``boot_us`` allows for. ``doubt``: of the autopilot's estimator about itself.
     """
 
     frame: Frame
@@ -43,6 +44,12 @@ class ReadyFrame:
     velocity_age_s: float
     velocity_noise: float
     late_s: float
+    doubt: Doubt = NO_DOUBT
+
+    @property
+    def delay_s(self) -> float:
+        """From the exposure to the frame's stamp: what is set and what was found."""
+        return (self.frame.stamp_us - self.exposure_us) * 1e-6 + self.late_s
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +84,7 @@ class Synchroniser:
         self.frame_time = FrameTimeline(round(settings.sync.jump_min_s * 1e6))
         self.clock = AutopilotClock(settings.sync, self.frame_time.stepped, monotonic)
         self._link = LinkWatch(settings.sync.jump_min_s)
+        self.doubt = EstimatorDoubt()
         self._copies = Copies()
         self._late_s, self._late_std_s = 0.0, settings.estimator.time_offset_std_s
         self._attitudes = AttitudeBuffer(settings.sync)
@@ -94,6 +102,8 @@ class Synchroniser:
             self._take_frame(sample, notices)
         elif isinstance(sample, TelemetrySample):
             self._take_telemetry(sample, ready, notices)
+        elif isinstance(sample, EstimatorReport):
+            self.doubt.feed(sample, self.now_us)
         elif isinstance(sample, ClockOffset):
             s = sample
             self.clock.feed_round_trip(s.boot_us, s.arrival_us, s.offset_us, s.round_trip_us)
@@ -159,6 +169,7 @@ class Synchroniser:
             ready += self.flush("autopilot_rebooted")
             self._attitudes.clear()
             self._velocities.clear()
+            self.doubt.forget()
             notices.append(Notice("autopilot_rebooted", {}))
             self._settled = False
         elif arrival.change in (ClockChange.JUMPED, ClockChange.TAKEN_BACK):
@@ -235,7 +246,7 @@ class Synchroniser:
         return ready
 
     def _velocity_due(self, waiting: _Waiting) -> bool:
-        """Whether all is there that tells of an exposure."""
+        """Whether all samples around an exposure have arrived."""
         newest_us = self._attitudes.newest_us
         if newest_us is None or not self.clock.settled:
             return False
@@ -248,6 +259,7 @@ class Synchroniser:
     def _leave(self, waiting: _Waiting, reason: str) -> ReadyFrame:
         attitude: BodyAttitude | str = "no_telemetry"
         boot_us = velocity = None
+        doubt = NO_DOUBT
         age_s = noise = 0.0
         if self._telemetry:
             attitude = "no_attitude" if self._attitudes.newest_us is None else "clock_unsettled"
@@ -255,7 +267,8 @@ class Synchroniser:
                 boot_us = self._boot_us(waiting)
                 attitude = self._attitudes.at(boot_us, math.hypot(self.clock.std_s, self._late_std_s))
                 found = self._velocities.at(boot_us)
-                if found is not None:
+                doubt = self.doubt.at(self.now_us)
+                if found is not None and doubt.velocity_known:
                     velocity, age_s, noise = found
             if attitude == "attitude_not_yet":
                 attitude = reason
@@ -269,6 +282,7 @@ class Synchroniser:
             age_s,
             noise,
             self._late_s,
+            doubt,
         )
 
 

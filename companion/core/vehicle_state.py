@@ -25,7 +25,7 @@ VTOL = "vtol_"
 """How the names of MAV_TYPE's VTOLs begin."""
 
 CONFIRM_US = 1_500_000
-"""A failsafe told by a text is over when a heartbeat this much later says active: PX4's come once a second."""
+"""A failsafe reported by a text is over when a heartbeat this much later says active: PX4's come once a second."""
 
 RADIO_LOST_TEXTS = ("radio failsafe", "manual control lost", "rc lost", "rc signal lost", "radio lost")
 OVER_TEXTS = ("cleared", "regained", "restored", "disabled", "off")

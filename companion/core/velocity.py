@@ -1,7 +1,7 @@
 """The vehicle's velocity at an exposure: LOCAL_POSITION_NED, carried on from message to message by the accelerometer.
 
 A velocity message is 20 to 100 ms from the next, and a vehicle that is jolted by gusts or brakes does not go
-straight from one to the other. The accelerometer tells what it does between. Its samples have passed the autopilot's
+straight from one to the other. The accelerometer measures the change. Its samples have passed the autopilot's
 low-pass filter, one of Butterworth's of second order, which delays what is slow by d = sqrt(2) / (2 pi cutoff) and is
 undone by a = f + d f' + d^2 / 2 f'': the integral of a is that of the samples f, plus d f, plus d^2 / 2 f'. So only
 the sample next behind an exposure is waited for. The delay is found on the way.
@@ -28,7 +28,7 @@ AGE_US = 2_000
 """How old a sample is when it is stamped, with what the difference of two samples is late by against their slope."""
 
 JUMP_M_S = 0.25
-"""A step of the velocity that nothing tells of is a reset of the autopilot's filter: what was before is void."""
+"""A step of the velocity without an acceleration is a reset of the autopilot's filter: what was before is void."""
 
 MEMORY_S = 5.0
 """Time constant of the errors by which the two ways to a velocity are compared."""
@@ -72,7 +72,7 @@ class VelocityBuffer:
         self._bias: Vector3 = (0.0, 0.0, 0.0)
         self._seen = self._compared = 0
         self._straight2 = self._carried2 = 0.0
-        """Mean squared errors (m/s)^2, all axes, of a velocity told by its neighbours, and by the accelerometer."""
+        """Mean squared errors (m/s)^2, all axes, of a velocity predicted from its neighbours, by the accelerometer."""
         self._delay_ss = self._delay_sr = 0.0
 
     @property
@@ -83,7 +83,7 @@ class VelocityBuffer:
 
     @property
     def carried(self) -> bool:
-        """Whether the accelerometer tells more than a straight line from message to message."""
+        """Whether the accelerometer predicts better than a straight line from message to message."""
         return self._span_us > 0 and self._compared >= FEWEST and self._carried2 < self._straight2
 
     def add_velocity(self, boot_us: int, velocity: Vector3) -> bool:
@@ -124,7 +124,7 @@ class VelocityBuffer:
         return True
 
     def complete(self, boot_us: int) -> bool:
-        """Whether nothing is worth waiting for that tells of the velocity at ``boot_us``."""
+        """Whether no further sample would improve the velocity at ``boot_us``."""
         if not self.carried or not self._times or self._times[-1] >= boot_us + AGE_US:
             return True
         newest_us = self._attitudes.newest_us
@@ -132,10 +132,10 @@ class VelocityBuffer:
         return newest_us is None or newest_us - self._times[-1] > EXTRAPOLATED_US
 
     def at(self, boot_us: int) -> tuple[NDArray[np.float64], float, float] | None:
-        """Velocity (3,) NED at an exposure, how far in s from it it was told, and its noise, one sigma of an axis.
+        """Velocity (3,) NED at an exposure, the age in s of its sample, and its noise, one sigma of an axis.
 
         The mean of the velocities of the last ``sync.velocity_span_s``, each carried on by the accelerometer; where
-        that tells nothing, on the straight line between two messages. None without a message that is near enough.
+        that has no sample, on the straight line between two messages. None without a message that is near enough.
         """
         if self.carried:
             found = self._carry(boot_us, len(self._samples))
@@ -150,7 +150,7 @@ class VelocityBuffer:
         return gain is not None and math.dist(velocity, _sum(before, gain)) > JUMP_M_S
 
     def _gain(self, from_us: int, to_us: int) -> Vector3 | None:
-        """Change of the velocity between two moments by the accelerometer; None where it tells nothing."""
+        """Change of the velocity between two moments by the accelerometer; None where it has no samples."""
         start, end = self._gained_at(from_us + AGE_US), self._gained_at(to_us + AGE_US)
         if start is None or end is None:
             return None
@@ -203,7 +203,7 @@ class VelocityBuffer:
         return np.array(near[0][1]), age_s
 
     def _compare(self) -> None:
-        """Hold the last message but one, behind which the accelerometer has told all, against both ways to it."""
+        """Hold the last message but one, behind which all accelerometer samples are there, against both predictions."""
         samples = self._samples
         if len(samples) < 3:
             return

@@ -1,4 +1,4 @@
-"""What a look before the flight finds: one line each, with the remedy, and the bounds it judges by."""
+"""What a look before the flight finds: one line each, with the remedy, and the limits."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass

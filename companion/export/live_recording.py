@@ -99,7 +99,7 @@ class LiveMcap:
 
     def _write(self, item: Output | Sample) -> None:
         if self._sink is None:
-            # The first frame tells the camera's size, which the model needs.
+            # The first frame has the camera's size, which the model needs.
             if self._pending is None or not isinstance(item, Processed):
                 return
             self._sink = self._opened(self._pending, item)

@@ -143,7 +143,7 @@ def _environment(options: InstallOptions) -> Iterator[Step]:
 
 
 def _this_package() -> str:
-    """What pip is told: the wheel or checkout that this landslope came from, else this version from an index."""
+    """The argument of pip: the wheel or checkout that this landslope came from, else this version from an index."""
     checkout = Path(__file__).parents[2]
     if (checkout / "pyproject.toml").is_file():
         return str(checkout)
@@ -211,7 +211,7 @@ def _command(*words: str) -> Step:
 
 
 def _tolerated(step: Step, otherwise: str = "it takes effect at the next boot") -> Step:
-    """The same step, whose failure is told, with what follows of it, and passed over."""
+    """The same step; a failure is reported with its consequence, and the next step follows."""
 
     def act() -> None:
         try:

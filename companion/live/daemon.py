@@ -126,7 +126,7 @@ class Daemon:
         return self._commander is not None and self._commander.connected
 
     def counters(self) -> dict[str, int]:
-        """What every part counted, for the health that is told."""
+        """What every part counted, for the health message."""
         status = self._camera.status()
         counted = {
             "camera grabbed": status.grabbed,
@@ -258,7 +258,7 @@ class Daemon:
             wanted = self._link.rates.wanted_hz
             for name, hz in self._link.slow.items():
                 if name not in ESTIMATORS_NEED:
-                    continue  # an event tells of it; its age is watched where it matters
+                    continue  # an event reports it; its age is checked where it matters
                 found.append(condition(Code.RATE_TOO_LOW, name, f"{hz:.1f} Hz of {wanted[name]:g}"))
             if self._link.unsigned_only:
                 found.append(condition(Code.UNSIGNED))

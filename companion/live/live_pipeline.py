@@ -24,7 +24,7 @@ from landing.ground.spots import Disc
 log = logging.getLogger(__name__)
 
 UNCALIBRATED_SIZE = (320, 240)
-"""Image size that is assumed until the first frame of a camera without calibration tells."""
+"""Image size that is assumed until the first frame of a camera without calibration."""
 TIMES_KEPT = 100
 LEVELS = {"info": logging.INFO, "warning": logging.WARNING, "error": logging.ERROR}
 

@@ -119,7 +119,7 @@ def _recorder(settings: Settings) -> Recorder:
 
 
 class FlightRecording:
-    """A recorder wired to the settings: it is told everything and keeps what belongs to a flight.
+    """A recorder wired to the settings: it receives everything and keeps what belongs to a flight.
 
     ``mavlink`` may be called from any thread, the rest from one. Without ``record.directory`` nothing happens.
     """

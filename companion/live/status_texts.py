@@ -21,7 +21,7 @@ SEVERITIES = {
 AGAIN_US = 5_000_000
 """At most one text of a kind in this time."""
 STANDS_US = 1_000_000
-"""A verdict is told when it has stood for this long, good health too."""
+"""A verdict is sent when it has lasted for this long, and good health too."""
 PERMISSION = {"landing_enabled": "landing enabled", "landing_disabled": "no landing"}
 
 SHORT_REASONS = {
@@ -67,6 +67,8 @@ SHORT_CONDITIONS = {
     ConditionCode.ROTATION_CONTRADICTS: "picture and gyro disagree",
     ConditionCode.VELOCITY_CONTRADICTS: "ground, velocity disagree",
     ConditionCode.LATENESS_CONTRADICTS: "pictures too late",
+    ConditionCode.VELOCITY_UNKNOWN: "velocity not known",
+    ConditionCode.ATTITUDE_UNSURE: "roll and pitch unsure",
     ConditionCode.UNSIGNED: "unsigned messages refused",
 }
 """Code -> few words without running numbers."""
@@ -86,7 +88,7 @@ SHORT_PROCEDURE = {
     "hold": "procedure stops, place unfit",
     "hand_over": "procedure hands over to land",
 }
-"""State -> few words; states that last a moment are not told."""
+"""State -> few words; short states are not sent."""
 GAVE_BACK = "procedure gave back"
 
 
@@ -104,7 +106,7 @@ class StatusTexts:
         self._id = 0
 
     def decision(self, decision: Decision) -> list[Any]:
-        """The verdict, once it has stood for a while and differs from what was told last."""
+        """The verdict, once it has lasted for a while and differs from the one sent last."""
         now_us = decision.time_unix_us
         if decision.verdict != self._verdict:
             self._verdict, self._since_us = decision.verdict, now_us

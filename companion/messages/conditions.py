@@ -24,6 +24,8 @@ class Code(StrEnum):
     ROTATION_CONTRADICTS = "rotation_contradicts"
     VELOCITY_CONTRADICTS = "velocity_contradicts"
     LATENESS_CONTRADICTS = "lateness_contradicts"
+    VELOCITY_UNKNOWN = "velocity_unknown"
+    ATTITUDE_UNSURE = "attitude_unsure"
     TWO_VEHICLES = "two_vehicles"
     IMAGE_SIZE = "image_size"
     UNCALIBRATED = "uncalibrated"
@@ -61,6 +63,10 @@ KINDS = {
     Code.TWO_VEHICLES: Kind("error", "two vehicles on the link: set vehicle.system_id", forbids_landing=True),
     Code.IMAGE_SIZE: Kind("error", "camera: {detail}", forbids_landing=True),
     Code.UNCALIBRATED: Kind("warning", "the camera is not calibrated", forbids_landing=True),
+    Code.VELOCITY_UNKNOWN: Kind(
+        "warning", "the autopilot's estimator does not know its velocity: no metres; see its position source"
+    ),
+    Code.ATTITUDE_UNSURE: Kind("warning", "the autopilot's estimator is unsure of roll and pitch"),
     Code.INPUT_MISSING: Kind("warning", "{subject}: none came"),
     Code.INPUT_STALE: Kind("warning", "{subject}: none for {detail}"),
     Code.CLOCKS_UNRELATED: Kind("warning", "clocks: the autopilot's time is not known yet"),

@@ -139,7 +139,9 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
     camera_late_s: Annotated[
         float | None, about("lateness of the frames beyond camera.time_offset_s, found and allowed for", "s")
     ]
-    camera_late_std_s: Annotated[float | None, about("standard deviation of camera_late_s", "s")]
+    camera_late_std_s: Annotated[
+        float | None, about("standard deviation of camera_late_s; null: at least so much", "s")
+    ]
     pipeline_ms: Annotated[float | None, about("time one frame takes in the pipeline", "ms")]
     conditions: Annotated[
         tuple[Condition, ...], about("what is wrong now, by code; problems are their texts")

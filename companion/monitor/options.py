@@ -1,4 +1,4 @@
-"""What the monitor is told on its command line."""
+"""Options of the monitor's command line."""
 
 import ipaddress
 from dataclasses import dataclass

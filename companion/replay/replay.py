@@ -75,7 +75,7 @@ class ReplayJob:
 
 
 Progress = Callable[[int, int | None], None]
-"""Told the frames done and the frames there are (None: not known)."""
+"""Called with the frames done and the frames there are (None: not known)."""
 
 
 def replay(job: ReplayJob, progress: Progress = lambda done, total: None) -> str:

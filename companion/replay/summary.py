@@ -16,7 +16,7 @@ BIN_S = 0.5
 SAME_DEG = 4.0
 UNKNOWN_DISTANCE_DEG = 15.0
 ROUGH_DISTANCE_DEG = 5.0
-"""How far apart an even and an uneven surface of one inclination are, to tell like from unlike."""
+"""How far apart an even and an uneven surface of one inclination are, to call them different."""
 ROUGH_SHARE = 0.5
 BRIEF_BINS = 4
 PARTLY = (0.2, 0.7)

@@ -14,9 +14,10 @@ from drivers.mavlink.signing import read_key
 SYSTEM_STATUS_HZ = 2.0
 """SYS_STATUS says whether the radio is heard."""
 FLOWN_STATE_HZ = 20.0
-"""Least rate of what tells of a takeover (PX4's CURRENT_MODE, sticks) while setpoints may be sent."""
+"""Lowest rate of messages that show a takeover (PX4's CURRENT_MODE, sticks) while setpoints may be sent."""
+ESTIMATOR_HZ = 2.0
 SYSTEM_TIME_HZ = 1.0
-"""SYSTEM_TIME tells the date to a board that does not know it."""
+"""SYSTEM_TIME gives the date to a board that does not know it."""
 
 
 def link_options(settings: Settings, connection: str = "") -> LinkOptions:
@@ -43,6 +44,10 @@ def link_options(settings: Settings, connection: str = "") -> LinkOptions:
             "EXTENDED_SYS_STATE": m.state_rate_hz,
             "SYS_STATUS": SYSTEM_STATUS_HZ,
             "SYSTEM_TIME": SYSTEM_TIME_HZ,
+            # of these an autopilot has one or two: its estimator about itself
+            "EKF_STATUS_REPORT": ESTIMATOR_HZ,
+            "ESTIMATOR_STATUS": ESTIMATOR_HZ,
+            "ODOMETRY": ESTIMATOR_HZ,
             "CURRENT_MODE": state_hz,
             # a pilot's sticks end a permission, whatever gave it
             "MANUAL_CONTROL": state_hz,
@@ -65,7 +70,7 @@ def state_directory() -> Path:
 
 
 def _fingerprint(key: bytes) -> str:
-    """Tells keys apart and gives none away."""
+    """Distinguishes keys without revealing any."""
     return hashlib.sha256(b"landslope signing time" + key).hexdigest()[:12]
 
 

@@ -1,1 +1,1 @@
-"""Simulated flights in closed loop, by scenario or by the hundred, and how they are judged."""
+"""Simulated flights in closed loop, by scenario or by the hundred, and their results."""

@@ -9,13 +9,14 @@ import random
 from dataclasses import replace
 
 from companion.simulation.contradictions import CONTRADICTIONS
+from companion.simulation.procedure_scenario import PROCEDURES
 from companion.simulation.random_scenario import random_scenario, slowing_down
 from companion.simulation.scenario import Scenario
 from companion.simulation.unkind_scenario import UNKIND
 
 CLASS_SEEDS = 1_000_000
 CONTROL = "control"
-CHANGES = UNKIND | CONTRADICTIONS
+CHANGES = UNKIND | CONTRADICTIONS | PROCEDURES
 """Name -> change. New ones come last: the place is part of a flight's seed."""
 CLASSES = (CONTROL, *CHANGES)
 

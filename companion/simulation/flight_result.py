@@ -78,7 +78,7 @@ class FlightResult:
     longest_fit_s: float = 0.0
     """Longest time for which plainly fit ground was in view without a break, where that was followed."""
     longest_chance_s: float = 0.0
-    """Of that, while the ground straight below was in view and from low enough to tell."""
+    """Of that, while the ground straight below was in view from a height at which it can be measured."""
     limit_deg: float = 10.0
     """Steepest ground that the settings land on."""
     unfit_seen: bool = False

@@ -1,7 +1,10 @@
 """Who flies the simulated vehicle, and how a scenario's pilot reaches its controls."""
 
+import threading
+import time
+from collections import deque
 from collections.abc import Callable
-from typing import Protocol
+from typing import Any, Protocol
 
 from companion.errors import LandslopeError
 from companion.simulation.scenario import Scenario
@@ -10,10 +13,16 @@ from drivers.commands import NAV_LAND
 from drivers.simulated.vehicle.ardupilot_json import PORT, JsonBackend
 from drivers.simulated.vehicle.autopilot import LinkFaults, SimulatedAutopilot
 from drivers.simulated.vehicle.flight_controller import FlightController
+from drivers.simulated.vehicle.followed import FollowedVehicle
 from drivers.simulated.vehicle.mavlink_pilot import MavlinkPilot
 from drivers.simulated.vehicle.vehicle import Multirotor
 
 STEP_HZ = 250.0
+WAITING_POSES = 1000
+ASK_POSES_S = 2.0
+POSE_WAIT_S = 0.02
+LONGEST_PAUSE_S = 0.1
+"""Between two poses, the time is reckoned on for so long."""
 SITL_S = 60.0
 """How long a SITL may take to send its first packet."""
 
@@ -154,18 +163,21 @@ class BuiltIn:
             self.autopilot.reboot(reboot.seconds)
 
 
+def _refuse_faults(scenario: Scenario, whose: str) -> None:
+    """LandslopeError for what only the built-in autopilot can be made to do."""
+    broken = [f.kind for f in scenario.faults if f.kind in ("link_silent", "autopilot_reboot")]
+    if broken or scenario.link.land_answer != "normal":
+        what = ", ".join(broken) or f"land_answer = {scenario.link.land_answer}"
+        raise LandslopeError(f"{what} is a fault of the built-in autopilot; it cannot be had with {whose}")
+
+
 class Sitl:
     """An ArduCopter SITL that takes its physics from here; ``pilot`` is a second MAVLink port of it."""
 
     def __init__(
         self, scenario: Scenario, scene: Scene, connection: str, pilot: str, port: int = PORT
     ) -> None:
-        broken = [f.kind for f in scenario.faults if f.kind in ("link_silent", "autopilot_reboot")]
-        if broken or scenario.link.land_answer != "normal":
-            what = ", ".join(broken) or f"land_answer = {scenario.link.land_answer}"
-            raise LandslopeError(
-                f"{what} is a fault of the built-in autopilot; it cannot be had with ArduPilot's"
-            )
+        _refuse_faults(scenario, "ArduPilot's")
         start = scenario.start
         scene.vehicle.place(start.north_m, start.east_m, None, scene.heading)
         self.connection = connection
@@ -178,11 +190,12 @@ class Sitl:
         self.backend.before_step, self.backend.after_step = before_step, after_step
         self.backend.start()
         if not self.backend.connected.wait(SITL_S):
+            port = self.backend.port
             self.backend.stop()
             why = f": {self.backend.problem}" if self.backend.problem else ""
             raise LandslopeError(
                 f"no SITL asked for its physics within {SITL_S:g} s{why}; start it with "
-                f"'arducopter --model JSON:127.0.0.1' (its packets come to UDP port {self.backend.port})"
+                f"'arducopter --model JSON:127.0.0.1' (its packets come to UDP port {port})"
             )
         self._pilot = MavlinkPilot(self._pilot_connection)
         self.controls: Controls = _RemoteControls(self._pilot, self._vehicle)
@@ -206,6 +219,75 @@ class Sitl:
 
     def apply_faults(self, scene: Scene, flown_s: float) -> None:
         """Camera faults are the scene's own; others were refused."""
+
+
+class Sih:
+    """A PX4 whose own simulation flies (SIH); the scene's vehicle follows its poses, told over the pilot's link."""
+
+    def __init__(self, scenario: Scenario, scene: Scene, connection: str, pilot: str) -> None:
+        _refuse_faults(scenario, "PX4's")
+        self.connection = connection
+        self._pilot_connection = pilot
+        self._vehicle = scene.vehicle
+        start = scenario.start
+        self._followed = FollowedVehicle(scene.vehicle, (start.north_m, start.east_m))
+        self._pilot: MavlinkPilot | None = None
+        self._before: Hook = lambda time_s: None
+        self._after: Hook = lambda time_s: None
+        self._told: deque[Any] = deque(maxlen=WAITING_POSES)
+        self._last: tuple[float, float] = (0.0, 0.0)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="sih", daemon=True)
+
+    def start(self, before_step: Hook, after_step: Hook) -> None:
+        self._before, self._after = before_step, after_step
+        self._pilot = MavlinkPilot(self._pilot_connection, follow=self._told.append)
+        self.controls: Controls = _RemoteControls(self._pilot, self._vehicle)
+        self._thread.start()
+
+    def stop(self) -> None:
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        if self._pilot is not None:
+            self._pilot.close()
+
+    @property
+    def now_s(self) -> float:
+        at, time_s = self._last
+        return time_s + min(time.monotonic() - at, LONGEST_PAUSE_S) if at else self._vehicle.time_s
+
+    @property
+    def armed(self) -> bool:
+        return self._pilot is not None and self._pilot.armed
+
+    @property
+    def mode(self) -> str:
+        return self._pilot.mode_name if self._pilot is not None else ""
+
+    def apply_faults(self, scene: Scene, flown_s: float) -> None:
+        """Camera faults are the scene's own; others were refused."""
+
+    def _run(self) -> None:
+        """One pose after the other; each is a step of the physics for those who look on."""
+        assert self._pilot is not None
+        asked_s = -ASK_POSES_S
+        while not self._stop.is_set():
+            self._pilot.listen(POSE_WAIT_S)
+            if time.monotonic() - asked_s > ASK_POSES_S and time.monotonic() - self._last[0] > ASK_POSES_S:
+                asked_s = time.monotonic()
+                self._pilot.ask_poses()
+            while self._told:
+                self._take(self._told.popleft())
+
+    def _take(self, message: Any) -> None:
+        if message.get_type() != "ODOMETRY":
+            self._followed.true_pose(message)
+            return
+        self._before(self._vehicle.time_s)
+        if self._followed.odometry(message):
+            self._last = (time.monotonic(), self._vehicle.time_s)
+            self._after(self._vehicle.time_s)
 
 
 class _RemoteControls:

@@ -34,7 +34,7 @@ from drivers.simulated.vehicle.autopilot_protocol import AutopilotProtocol
 from drivers.simulated.vehicle.flight_controller import FlightController
 from drivers.simulated.vehicle.sensors import Sensors
 from drivers.simulated.vehicle.telemetry_streams import TelemetryStreams
-from landing.decision.orders import OrderKind
+from landing.decision.orders import OrderKind, State
 from landing.ground.landing_area import LandingArea
 
 EPOCH_US = 1_700_000_000_000_000
@@ -45,7 +45,7 @@ STANDS_S = 2.0
 """How long it stands on the ground, disarmed, before the flight is over."""
 
 Progress = Callable[[float, float], None]
-"""Told the time flown and the time there is."""
+"""Called with the time flown and the time there is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class LockstepOptions:
     truth_every: int = 0
     """Every so many frames the truth is computed, to know how long fit ground was in view; 0: never."""
     stop_at_request: bool = False
-    """The first request ends the flight, but for the landing itself, which nobody watches."""
+    """The first request ends the flight, but for the landing itself, which nobody watches; so does giving back."""
     record: Path | None = None
     """Leave a flight folder with the truth of every frame here (which costs as much as a frame)."""
 
@@ -152,7 +152,7 @@ class _Flight:
                 progress(vehicle.time_s, self._scenario.basics.duration_s)
             if vehicle.on_ground and not self._controller.armed and self._pilot.flying:
                 stood_s += dt
-            if result.requests and self._options.stop_at_request:
+            if self._options.stop_at_request and (result.requests or self._gave_back):
                 break
         self._pipeline.finish()
         if result.requests and self._options.stop_at_request:
@@ -166,6 +166,11 @@ class _Flight:
             result.folder = self._record.close(self._link.packets or [])
         result.elapsed_s = time.perf_counter() - started
         return result
+
+    @property
+    def _gave_back(self) -> bool:
+        steps = self.result.steps
+        return bool(steps) and steps[-1].step.state is State.GIVE_BACK
 
     def _land_unwatched(self) -> None:
         """The rest of the flight by physics alone."""

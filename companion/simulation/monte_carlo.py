@@ -7,17 +7,18 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from contextlib import AbstractContextManager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from companion.simulation.classes import CONTROL, scenario_of, seeds_of
+from companion.simulation.counting.shares import Share, wilson
 from companion.simulation.flight_result import FlightResult
 from companion.simulation.ground import unsafe
 from companion.simulation.lockstep import LockstepOptions, fly
+from companion.simulation.procedure_count import outcome, words
 from companion.simulation.scenario import Scenario, to_toml
-from companion.simulation.shares import Share, wilson
 from drivers.system.workers import worker_pool
 
 TRUTH_EVERY = 5
@@ -56,11 +57,18 @@ class Run:
     fit_s: float
     """Longest time of plainly fit ground in view without a break."""
     chance_s: float
-    """Of that, while the ground straight below was in view, from low enough to tell what lies on it."""
+    """Of that, while the ground straight below was in view, from a height at which it can be measured."""
     elapsed_s: float
     contradicted: str = ""
-    """Contradictions that were told, by the names of their events, with spaces between."""
+    """Contradictions that were reported, by the names of their events, with spaces between."""
     error: str = ""
+    ended: str = ""
+    """How a landing procedure ended; empty without one. Its figures follow (``procedure_count.Outcome``)."""
+    reachable: bool = False
+    place_error_m: float | None = None
+    hand_over_m_s: float | None = None
+    divergence_std: float | None = None
+    procedure_s: float | None = None
 
     @property
     def wrong(self) -> bool:
@@ -74,6 +82,7 @@ class Run:
 
     def __str__(self) -> str:
         what = f"missed fit ground of {self.chance_s:.1f} s" if self.outcome == "missed" else self.outcome
+        what = f"{self.outcome}, {self.ended}" if self.ended else what
         what += f": {self.error}" if self.error else ""
         if self.requested_s is not None:
             what += f": requested at {self.requested_s:.1f} s"
@@ -151,7 +160,8 @@ class Report:
             )
             low, high = (100 * bound for bound in wilson(bad, count))
             unfit = f"{bad:4d} ({low:.1f} to {high:.1f} %)"
-            lines.append(f"    {kind:<16} {count:4d} flights {asked:4d} {unfit} {near:4d} {missed:4d}")
+            lines.append(f"    {kind:<20} {count:4d} flights {asked:4d} {unfit} {near:4d} {missed:4d}")
+        lines += words([r for r in self.runs if r.ended])
         lines += [f"  {run}" for run in worst(self.runs)[:KEPT_WORST]]
         lines += [f"  kept {path}" for path in self.kept]
         return "\n".join(lines)
@@ -230,11 +240,15 @@ def fly_many(
 
 
 def fly_one(seed: int, config: Path | None = None, overrides: Sequence[str] = ()) -> Run:
-    """Fly the scenario of a seed and judge it."""
+    """Fly the scenario of a seed and classify the result."""
     scenario = scenario_of(seed)
-    options = LockstepOptions(truth_every=TRUTH_EVERY, stop_at_request=True)
-    limit_deg = scenario.flight_settings(config, overrides).decision.max_inclination_deg
-    return classify(scenario, fly(scenario, config, overrides, options), limit_deg)
+    settings = scenario.flight_settings(config, overrides)
+    limit_deg, lands = settings.decision.max_inclination_deg, settings.landing.procedure == "land"
+    options = LockstepOptions(truth_every=TRUTH_EVERY if lands else 0, stop_at_request=True)
+    result = fly(scenario, config, overrides, options)
+    run = classify(scenario, result, limit_deg)
+    procedure = outcome(scenario, result)
+    return run if procedure is None else replace(run, **asdict(procedure))
 
 
 def classify(scenario: Scenario, result: FlightResult, max_inclination_deg: float) -> Run:

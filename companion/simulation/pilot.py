@@ -8,7 +8,7 @@ from companion.simulation.scenario import ENABLE_CHANNEL, Leg, Scenario
 SETPOINT_S = 0.05
 SWITCH_OFF_US, SWITCH_ON_US = 1000, 2000
 SWITCH_EVERY_S = 0.5
-"""How often the switch's position is told: an override over a link lapses."""
+"""How often the switch's position is sent: an override over a link expires."""
 REACHED = 0.95
 """Share of the takeoff's height at which the legs begin."""
 HEIGHT_GAIN = 1.2

@@ -31,7 +31,7 @@ def flown(result: "FlightResult") -> Flown:
     steps, path = result.steps, result.path
     begun = next((s.time_s for s in steps if s.step.order.kind is OrderKind.START), NAN)
     last = next((s for s in reversed(steps) if s.step.order.kind is OrderKind.LAND), None)
-    descent = [s for s in steps if s.step.state is State.DESCEND]
+    descent = [s for s in steps if s.step.state is State.DESCEND] if path else []
     from_s, values, k = (descent[0].time_s + SETTLED_S if descent else NAN), [], 0
     for s in descent:
         while k + 1 < len(path) and path[k + 1].time_s <= s.time_s:

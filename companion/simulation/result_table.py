@@ -55,7 +55,11 @@ class ResultTable:
     def runs_before(self, seeds: Sequence[int]) -> list[Run]:
         """The flights of an earlier run, of these seeds."""
         names, wanted = [field.name for field in fields(Run)], set(seeds)
-        return [Run(**{name: row[name] for name in names}) for row in self.before if row["seed"] in wanted]
+        return [
+            Run(**{name: row[name] for name in names if name in row})
+            for row in self.before
+            if row["seed"] in wanted
+        ]
 
     def add(self, run: Run) -> None:
         """One flight that ended."""

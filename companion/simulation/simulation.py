@@ -25,7 +25,7 @@ from companion.settings.settings import Settings
 from companion.simulation.flight_record import add_truth, folders_in
 from companion.simulation.flight_result import FlightResult, PathPoint, Request, path_point
 from companion.simulation.ground import fitness, patch
-from companion.simulation.hardware import BuiltIn, Hardware, Sitl
+from companion.simulation.hardware import BuiltIn, Hardware, Sih, Sitl
 from companion.simulation.lockstep import PATH_EVERY_S, STANDS_S, flight_settings
 from companion.simulation.pilot import Pilot
 from companion.simulation.scenario import Scenario
@@ -65,6 +65,14 @@ class ArduPilot:
 
 
 @dataclass(frozen=True, slots=True)
+class Px4:
+    """Where a PX4 with SIH is reached: MAVLink of the daemon and of the pilot."""
+
+    connection: str = "udpin:127.0.0.1:14540"
+    pilot: str = "udpin:127.0.0.1:14550"
+
+
+@dataclass(frozen=True, slots=True)
 class LiveOptions:
     """How a flight is flown."""
 
@@ -74,8 +82,8 @@ class LiveOptions:
     """Where a flight folder is left."""
     watch: bool = False
     """Keep the vehicle's name and its bus as the settings say, for others to watch."""
-    ardupilot: ArduPilot | None = None
-    """Fly a SITL instead of the built-in autopilot."""
+    autopilot: ArduPilot | Px4 | None = None
+    """Fly a real autopilot in simulation instead of the built-in one."""
 
 
 def fly_live(
@@ -98,9 +106,11 @@ def fly_live(
 
 
 def _hardware(scenario: Scenario, scene: Scene, options: LiveOptions) -> Hardware:
-    if options.ardupilot is None:
+    a = options.autopilot
+    if a is None:
         return BuiltIn(scenario, scene, options.speed)
-    a = options.ardupilot
+    if isinstance(a, Px4):
+        return Sih(scenario, scene, a.connection, a.pilot)
     return Sitl(scenario, scene, a.connection, a.pilot, a.physics_port)
 
 
@@ -115,7 +125,7 @@ class _LiveFlight:
         stack: ExitStack,
     ) -> None:
         self._scenario, self._scene = scenario, scene
-        self._airborne = scenario.start.height_m > 0 and options.ardupilot is None
+        self._airborne = scenario.start.height_m > 0 and options.autopilot is None
         self._pilot: Pilot | None = None
         self._limit_deg = settings.decision.max_inclination_deg
         self._offset_us = round(settings.camera.time_offset_s * 1e6)
@@ -213,9 +223,10 @@ class _LiveFlight:
             if time.monotonic() > give_up:
                 raise LandslopeError(f"the daemon did not find the simulated autopilot within {READY_S:g} s")
             self._drain(POLL_S)
+        found_s = self._scene.vehicle.time_s
         while not (self._pilot is not None and self._pilot.ready):
             self._raise_failure()
-            if self._scene.vehicle.time_s > BEGINS_S:
+            if self._scene.vehicle.time_s - found_s > BEGINS_S:
                 raise LandslopeError(
                     f"the autopilot did not arm and take off within {BEGINS_S:g} s of simulated time; its console "
                     "and its STATUSTEXT say which check before arming fails"

@@ -41,7 +41,7 @@ def _rubble(r: random.Random, smallest: float = 0.12, largest: float = 0.32) -> 
 
 
 def _drifting(s: Scenario, r: random.Random) -> Scenario:
-    """So slowly that neither flow nor velocity tells the height."""
+    """So slowly that neither flow nor velocity determines the height."""
     height = r.uniform(5, 16)
     s = replace(s, surfaces=_rubble(r))
     return _flown(s, height, Leg(60, forward_m_s=round(r.uniform(0.05, 0.3), 2)), seconds=9.0)

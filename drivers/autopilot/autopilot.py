@@ -73,7 +73,7 @@ class Autopilot:
         """Send MAV_CMD_NAV_LAND, once, and wait for its end (MAVSDK repeats it only while no answer comes).
 
         ``given_in`` is the flight mode in which the order was given (None: the present one); in another mode nothing
-        is sent. MAVSDK calls both denials by one name; the autopilot's own answers, read on the link, tell them apart.
+        is sent. MAVSDK calls both denials by one name; the autopilot's own answers, read on the link, distinguish them.
         """
         return self._command(NAV_LAND, lambda action: action.land(), given_in, LAND_MODES)
 

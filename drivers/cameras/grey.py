@@ -13,7 +13,7 @@ def grey_of(image: NDArray[Any], height: int = 0, luma: int = 0) -> NDArray[np.u
     """(height, width) uint8 contiguous grey.
 
     ``image`` is grey, BGR(A), packed YUV 4:2:2 (two channels, luma in channel ``luma``) or planar YUV 4:2:0 (grey rows,
-    then chroma: ``height`` tells where the grey ends). Raises DriverError for anything else.
+    then chroma: ``height`` is where the grey ends). Raises DriverError for anything else.
     """
     if image.ndim == 2:
         return np.ascontiguousarray(image[:height] if height else image)

@@ -29,7 +29,7 @@ def main(arguments):
         run(out, Picamera2(number), (width, height), frame_us, exposure_us, gain)
     except BrokenPipeError:
         return 0
-    except Exception as error:  # noqa: BLE001 told to the other process
+    except Exception as error:  # noqa: BLE001 reported to the other process
         return fail(out, "camera", error)
 
 

@@ -60,7 +60,7 @@ class StreamGrabber:
 
     def open(self) -> None:
         """Connect; raises DriverError when nothing answers in time or no video is in it."""
-        # FFmpeg tells every failed attempt on stderr; here they come as events and in the status.
+        # FFmpeg prints every failed attempt on stderr; here they come as events and in the status.
         os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
         cv2_logging.setLogLevel(cv2_logging.LOG_LEVEL_ERROR)
         timeouts = [

@@ -28,7 +28,7 @@ GAP_MIN = 0.5
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 ROUNDED_FROM = 10
-"""So many frames tell rounded stamps from repeated ones."""
+"""So many frames distinguish rounded stamps from repeated ones."""
 
 CALIBRATION, SETTINGS = "camera.yaml", "landslope.toml"
 
@@ -158,7 +158,7 @@ class FlightFolder:
         """Frames of the video with their number in frames.csv.
 
         The rows count the frames as they were written. Where damage took frames out of the video, the gap in its
-        presentation times tells how many rows to pass over: as many as the stamps need to make up for the gap. With as
+        presentation times gives how many rows to skip: as many as the stamps need to make up for the gap. With as
         many frames as rows nothing is missing, whatever the times say: a camera a little off the file's nominal rate
         leaves gaps in them too.
         """
@@ -188,7 +188,7 @@ class FlightFolder:
 def log_in(path: Path) -> LogInTime | None:
     """PX4's log of a folder without a tlog, in the frames' time; None where there is none.
 
-    DriverError where it cannot be read, or where nothing in it tells the companion's time.
+    DriverError where it cannot be read, or where nothing in it gives the companion's time.
     """
     if (path / TELEMETRY).exists() or not (path / ULOG).is_file():
         return None

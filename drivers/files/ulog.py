@@ -10,7 +10,16 @@ from drivers.errors import DriverError
 from drivers.files.autopilot_log import AutopilotLog, RoundTrip, log_of, with_rates
 from drivers.mavlink.flight_modes import px4_mode_of_state, vehicle_type
 from drivers.quaternions import euler_of
-from drivers.samples import Attitude, Heartbeat, Imu, LandedState, RcChannels, Sample, Velocity
+from drivers.samples import (
+    Attitude,
+    EstimatorReport,
+    Heartbeat,
+    Imu,
+    LandedState,
+    RcChannels,
+    Sample,
+    Velocity,
+)
 
 TOPICS = [
     "vehicle_attitude",
@@ -28,6 +37,7 @@ STANDBY, ACTIVE, CRITICAL = 3, 4, 5
 QUADROTOR = 2
 """MAV_TYPE of logs that do not name it."""
 HEARTBEAT_US = 1_000_000
+REPORT_US = 500_000
 MAVLINK = 1
 """timesync_status.source_protocol (0 was not known, 2 is DDS): DDS answers with another program's clock."""
 CHANNELS = 18
@@ -89,14 +99,28 @@ def _imus(data: dict[str, Any]) -> Iterator[Sample]:
 
 
 def _velocities(data: dict[str, Any]) -> Iterator[Sample]:
-    """Those that the estimator calls valid: PX4 sends no LOCAL_POSITION_NED where both are not."""
+    """Those that the estimator calls valid, and what it says of their errors."""
     names = ("x", "y", "z", "vx", "vy", "vz")
     valid = np.asarray(data.get("v_xy_valid", True)) & np.asarray(data.get("v_z_valid", True))
     ok = np.broadcast_to(valid.astype(bool), len(data["timestamp"]))
+    yield from _reports(data, ok)
     for boot_us, good, *values in zip(_times(data), ok, *(data[n] for n in names), strict=True):
         if good and np.isfinite(values).all():
             x, y, z, vx, vy, vz = map(float, values)
             yield Velocity(boot_us, boot_us, (x, y, z), (vx, vy, vz))
+
+
+def _reports(data: dict[str, Any], valid: Any) -> Iterator[Sample]:
+    """``evh`` and ``evv`` are standard deviations of the velocity, horizontal and vertical."""
+    if "evh" not in data or "v_xy_valid" not in data:
+        return
+    next_us = 0
+    for boot_us, good, *errors in zip(_times(data), valid, data["evh"], data["evv"], strict=True):
+        if boot_us >= next_us:
+            next_us = boot_us + REPORT_US
+            largest = float(max(errors))
+            std = largest if np.isfinite(errors).all() and largest >= 0 else None
+            yield EstimatorReport(boot_us, "vehicle_local_position", bool(good), velocity_std=std)
 
 
 def _heartbeats(data: dict[str, Any]) -> Iterator[Sample]:

@@ -12,7 +12,7 @@ CURRENT_MODE_ID = 436
 
 
 class CurrentModeMessage(dialect.MAVLink_message):
-    """``custom_mode`` is flown, ``intended_custom_mode`` was asked for last; 0: not told."""
+    """``custom_mode`` is flown, ``intended_custom_mode`` was asked for last; 0: not reported."""
 
     id = CURRENT_MODE_ID
     msgname = name = "CURRENT_MODE"

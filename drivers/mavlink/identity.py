@@ -66,7 +66,7 @@ class SequenceCheck:
 
 
 class VehicleIdentity:
-    """Tells the vehicle's frames from others.
+    """Distinguishes the vehicle's frames from others.
 
     ``system_id`` 0 takes the first autopilot that is heard; another one then makes it ``ambiguous``. A new sender
     address is taken only after the old one was silent for ``silence_s``.

@@ -32,7 +32,7 @@ HOUSEKEEPING_S = 0.1
 REBOOT_BACK_US = 1_000_000
 """Boot time that falls by more than this is a reboot; by less, a late message."""
 SAY_AGAIN_US = 30_000_000
-"""The same refusal is told as an event at most this often; every one is counted."""
+"""The same refusal is reported as an event at most this often; every one is counted."""
 HEARTBEAT_ID = 0
 KNOCK_EVERY_US = 1_000_000
 SAVE_EVERY_US = 10_000_000
@@ -42,9 +42,16 @@ DEFAULT_SYSTEM_ID = 1
 IMU_OF = {"ardupilot": ("RAW_IMU",), "px4": ("HIGHRES_IMU",)}
 """Autopilot -> the gyro message it sends; an unknown one is asked for both."""
 
-ONLY_OF = {"CURRENT_MODE": "px4", "MANUAL_CONTROL": "px4"}
+_ESTIMATOR = ("ESTIMATOR_STATUS", "ODOMETRY", "EKF_STATUS_REPORT")
+ONLY_OF = {
+    "CURRENT_MODE": "px4",
+    "MANUAL_CONTROL": "px4",
+    "ESTIMATOR_STATUS": "px4",
+    "ODOMETRY": "px4",
+    "EKF_STATUS_REPORT": "ardupilot",
+}
 """Message -> the autopilot that sends it: PX4's HEARTBEAT keeps to 1 Hz, and it passes a joystick's sticks on."""
-MAY_BE_MISSING = frozenset({"MANUAL_CONTROL", "RC_CHANNELS", "CURRENT_MODE"})
+MAY_BE_MISSING = frozenset({"MANUAL_CONTROL", "RC_CHANNELS", "CURRENT_MODE", *_ESTIMATOR})
 """Messages that come only with a joystick, a receiver, or from newer firmware: none is no rate that is too low."""
 
 
@@ -209,7 +216,7 @@ class Link:
         return [Refusal(now_us, "mavlink", reason, who)]
 
     def _record(self, frame: WireFrame, now_us: int) -> None:
-        """For a recording, after the sender was judged: a flood of foreign frames fills no disk."""
+        """For a recording, after the sender was checked: a flood of foreign frames fills no disk."""
         if self.on_frame is not None:
             self.on_frame(now_us, frame.data)
 
@@ -273,7 +280,7 @@ class Link:
                 self.rates.want(self._wanted(sample.autopilot))
         elif isinstance(sample, Attitude):
             if self._boot_us is not None and sample.boot_us < self._boot_us - REBOOT_BACK_US:
-                self.rates.forget()  # the pipeline's clock tells of the reboot
+                self.rates.forget()  # the pipeline's clock reports the reboot
                 self.counters["reboots"] += 1
             self._boot_us = sample.boot_us
         elif isinstance(sample, CommandAnswer):

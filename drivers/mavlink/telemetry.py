@@ -7,6 +7,7 @@ from typing import Any, Literal
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from drivers.mavlink import current_mode as current_mode  # before the ids are taken from the table
+from drivers.mavlink import estimator_report
 from drivers.mavlink.flight_modes import AUTOPILOTS, mode_name, vehicle_type
 from drivers.quaternions import euler_of
 from drivers.refusals import RefusalCode
@@ -61,6 +62,7 @@ _OF_MANY = frozenset(
         "STATUSTEXT",
         "MANUAL_CONTROL",
         "CURRENT_MODE",
+        "ODOMETRY",
         "SYSTEM_TIME",
     }
 )
@@ -196,6 +198,15 @@ class TelemetryDecoder:
         intended = mode_name(*self._kind, m.intended_custom_mode) if m.intended_custom_mode else ""
         return [CurrentMode(arrival_us, mode_name(*self._kind, m.custom_mode), intended)]
 
+    def _ekf_status_report(self, m: Any, arrival_us: int) -> list[Sample]:
+        return [estimator_report.ekf_status_report(m, arrival_us)]
+
+    def _estimator_status(self, m: Any, arrival_us: int) -> list[Sample]:
+        return [estimator_report.estimator_status(m, arrival_us)]
+
+    def _odometry(self, m: Any, arrival_us: int) -> list[Sample]:
+        return [estimator_report.odometry(m, arrival_us)]
+
     def _system_status(self, m: Any, arrival_us: int) -> list[Sample]:
         present = bool(m.onboard_control_sensors_present & _RADIO)
         enabled = bool(m.onboard_control_sensors_enabled & _RADIO)
@@ -254,6 +265,9 @@ _HANDLERS: dict[str, Callable[[TelemetryDecoder, Any, int], list[Sample]]] = {
     "SCALED_IMU3": TelemetryDecoder._imu_counts,
     "HIGHRES_IMU": TelemetryDecoder._imu_highres,
     "LOCAL_POSITION_NED": TelemetryDecoder._local_position,
+    "EKF_STATUS_REPORT": TelemetryDecoder._ekf_status_report,
+    "ESTIMATOR_STATUS": TelemetryDecoder._estimator_status,
+    "ODOMETRY": TelemetryDecoder._odometry,
     "HEARTBEAT": TelemetryDecoder._heartbeat,
     "CURRENT_MODE": TelemetryDecoder._current_mode,
     "SYS_STATUS": TelemetryDecoder._system_status,

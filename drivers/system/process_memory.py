@@ -10,7 +10,7 @@ _LARGEST_BYTES = 16 << 20
 
 
 def keep_freed_memory() -> bool:
-    """Let the allocator keep what is freed, up to 64 MB, instead of giving it back; False where it cannot be told.
+    """Let the allocator keep what is freed, up to 64 MB, instead of giving it back; False where that is not possible.
 
     Every frame frees and takes anew some arrays of the size of a picture. By default the GNU C library gives such
     memory back to the kernel at once, or does not, as the heap happens to lie: in some processes every frame then pays

@@ -1,4 +1,4 @@
-"""What systemd is told: ready, status, alive, stopping (the sd_notify protocol, a datagram each)."""
+"""Messages to systemd: ready, status, alive, stopping (the sd_notify protocol, a datagram each)."""
 
 import os
 import socket

@@ -40,7 +40,7 @@ class OrderKind(StrEnum):
 
     NONE: nothing may leave; setpoints that are being sent end without a word. START: take over, with no speed.
     VELOCITY: fly with ``Order.velocity_ned``. STOP: end the setpoints and ask the autopilot to hold. LAND: the
-    request to land, where the vehicle is. TARGET: tell the autopilot, which lands by itself, where to.
+    request to land, where the vehicle is. TARGET: send the place to the autopilot, which lands by itself.
     """
 
     NONE = "none"
@@ -74,6 +74,7 @@ class Why(StrEnum):
     NO_METRES = "no_metres"
     GROUND_UNKNOWN = "ground_unknown"
     TOO_LOW = "too_low"
+    TOO_HIGH = "too_high"
     CHOOSING = "choosing"
     NO_SPOT = "no_spot"
     ON_THE_WAY = "on_the_way"
@@ -108,6 +109,7 @@ WORDS = {
     Why.NO_METRES: "moves sideways: the height is not known yet",
     Why.GROUND_UNKNOWN: "moves sideways: the ground is not known yet",
     Why.TOO_LOW: "climbs: too low to see a place to land on",
+    Why.TOO_HIGH: "comes down: too high to see what lies on the ground",
     Why.CHOOSING: "chooses a place",
     Why.NO_SPOT: "searches along a spiral: no place to land on in view",
     Why.ON_THE_WAY: "flies to the place",

@@ -18,6 +18,7 @@ from collections.abc import Callable
 from landing.decision.choice import Choice
 from landing.decision.fence import Fence
 from landing.decision.guidance import Descent, Shaper, Spiral, towards
+from landing.decision.looking import Looking
 from landing.decision.orders import (
     MOVING,
     ORDER_MAX_AGE_S,
@@ -38,6 +39,7 @@ from landing.decision.procedure_options import (
     CLIMB_SPEED,
     HANDED_OVER_M,
     LIMIT_S,
+    LOOK_ENOUGH_S,
     LOOK_LEAST_S,
     LOOK_RADIUS_M,
     OUR_MODES,
@@ -64,7 +66,6 @@ class Procedure:
         self._spiral: Spiral | None = None
         self._since_s = self._seen_s = math.nan
         self._sure_s = math.nan
-        self._side = 1.0
         self._tries = 0
         self._followed = False
         self._origin: Vector = STILL
@@ -72,7 +73,7 @@ class Procedure:
         self._fence = Fence(options, Inputs(time_s=math.nan))
         self._from_m = math.nan
         self._level = 0.0
-        self._look_from: Vector = STILL
+        self._looking = Looking(options)
 
     @property
     def spot_ned(self) -> Vector | None:
@@ -188,7 +189,7 @@ class Procedure:
 
     def _begin(self, i: Inputs) -> Vector:
         if self._followed:
-            self._look_from = i.place_ned
+            self._looking.begin(i.place_ned)
             self._go(State.LOOK, Why.NO_METRES, i.time_s)
         return STILL
 
@@ -197,21 +198,16 @@ class Procedure:
         known = math.isfinite(i.height_m)
         self._choice.step(i, self._origin)
         known_below = self._choice.spot_ned is not None or i.below.verdict != UNKNOWN
-        if i.time_s - self._since_s >= LOOK_LEAST_S and known and known_below:
+        looked_s = i.time_s - self._since_s
+        if known and looked_s >= (LOOK_LEAST_S if known_below else LOOK_ENOUGH_S):
             self._go(State.CHOOSE, Why.CHOOSING, i.time_s)
             return STILL
-        climb = self._climb(i)
-        self.why = Why.TOO_LOW if climb else Why.GROUND_UNKNOWN if known else Why.NO_METRES
-        yaw = i.yaw if math.isfinite(i.yaw) else 0.0
-        north, east = -math.sin(yaw), math.cos(yaw)
-        off = (i.place_ned[0] - self._look_from[0]) * north + (i.place_ned[1] - self._look_from[1]) * east
-        out_north, out_east = i.place_ned[0] - self._origin[0], i.place_ned[1] - self._origin[1]
-        far = math.hypot(out_north, out_east) > self.options.max_search_m - LOOK_RADIUS_M
-        outwards = (out_north * north + out_east * east) * self._side > 0
-        if off * self._side > LOOK_RADIUS_M or (far and outwards):
-            self._side = -self._side
-        speed = self._side * self._speed(i)
-        return speed * north, speed * east, -climb
+        climb = self._climb(i) or -self._looking.lower(i, looked_s)
+        self.why = Why.GROUND_UNKNOWN if known else Why.NO_METRES
+        if climb:
+            self.why = Why.TOO_LOW if climb > 0 else Why.TOO_HIGH
+        north, east = self._looking.sideways(i, self._origin, self._speed(i))
+        return north, east, -climb
 
     def _choose(self, i: Inputs) -> Vector | Order:
         if i.spots is None:
@@ -300,7 +296,7 @@ class Procedure:
         """Stopped, and a little higher."""
         climb = self._climb(i, 1.3 * self._from_m)
         if i.time_s - self._since_s > 1.0 and not climb:
-            self._look_from = i.place_ned
+            self._looking.begin(i.place_ned)
             self._go(State.LOOK, Why.GROUND_UNKNOWN, i.time_s)
         return 0.0, 0.0, -climb
 

@@ -11,7 +11,7 @@ OWN = frozenset({Withheld.ALREADY_REQUESTED})
 """What stands against another request because this procedure has used the permission."""
 LIMIT_S = {
     State.START: 3.0,
-    State.LOOK: 15.0,
+    State.LOOK: 20.0,
     State.CHOOSE: 2.0,
     State.GO: 20.0,
     State.DESCEND: 45.0,
@@ -20,6 +20,12 @@ LIMIT_S = {
 """How long each state may take; SEARCH ends with its spiral, all of it with ``max_time_s``."""
 LOOK_LEAST_S = 2.5
 """So long it looks before it chooses, for the choice to be one."""
+LOOK_ENOUGH_S = 12.0
+"""Ground that is still unknown then is searched: more of the same motion would not show it."""
+LOOK_LOWER_S = 5.0
+"""Ground that is still unknown after so long is looked at from lower down, since a pixel covers less of it there."""
+LOWEST_LOOK_M, LOWEST_LOOK_SHARE, LOOK_SINK = 2.5, 1.6, 0.15
+"""Not below that height, that share of the hand-over's; and the sink over height meanwhile, 1/s."""
 LOOK_RADIUS_M = 1.5
 """Farthest to each side while it looks."""
 ARM_SHARE = 0.9

@@ -1,4 +1,4 @@
-"""The autopilot lands by itself and is told where: the place is chosen, followed and corrected as the map grows."""
+"""Landing target: the autopilot lands by itself at a place that is chosen, tracked and corrected as the map grows."""
 
 import math
 
@@ -20,7 +20,7 @@ EXPECTED = frozenset(
 
 
 class Targeting:
-    """``step`` at every frame. Nothing but the landing is commanded: when no target is told, it goes on as before."""
+    """``step`` at every frame. Nothing but the landing is commanded: without a target it lands as before."""
 
     def __init__(self, options: ProcedureOptions) -> None:
         self.options = options

@@ -48,7 +48,7 @@ class Objection:
     about: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        """The objection in words, as ``Decision.withheld`` tells it."""
+        """The objection in words, as in ``Decision.withheld``."""
         words = WORDS[self.code]
         return f"{words}: {', '.join(self.about)}" if self.about else words
 

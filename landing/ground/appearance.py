@@ -1,4 +1,4 @@
-"""Ground that has just come into view and looks unlike the rest: it may be another surface, not measured yet.
+"""Appearance change: new ground at a side whose brightness differs from the view behind it, not measured yet.
 
 Parallax shows a step only after some pixels of motion, and hardly where it lies in the shade. Its brightness changes
 at once.
@@ -60,7 +60,7 @@ class AppearanceChange:
         self._sides = [_Usual(axis, far, options.border_unlike / self._sigmas) for axis, far in SIDES]
 
     def step(self, image: Image, sides: set[int]) -> set[int]:
-        """Those of ``sides`` (numbers in ``border.SIDES``) at which a raw image (height, width) is unlike."""
+        """Those of ``sides`` (numbers in ``border.SIDES``) where a raw image (height, width) changes in brightness."""
         if not self._possible:
             return set()
         return {number for number in sides if self._sides[number].step(image) > self._sigmas}

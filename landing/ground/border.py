@@ -3,7 +3,7 @@
 Strips along these sides are compared, picture with picture, with what the plane and the motion make of the view a few
 frames ago. What stands above the plane is displaced further along its parallax; the share by which, found by least
 squares over a block of pixels, is its height over the distance. A strip a little further in, which the tracks have
-judged, is the measure: what both have in common is an error of the plane or of the motion. Two gaps are looked at: the
+measured, is the reference: their common part is an error of the plane or of the motion. Two gaps are looked at: the
 shorter one shows what has come in last, the longer one shows it twice as well once it is a little further in.
 """
 
@@ -31,7 +31,7 @@ _CLEAR = 1
 _REFERENCE = slice(8, 18)
 """The strip further in, pixels from the beginning of the outer one."""
 _RUNS = (3, 5)
-"""Blocks in a row that are judged together, beside the whole side."""
+"""Lengths of runs of blocks that are tested together, in addition to the whole side."""
 _LEAST_PX = 1.0
 """Motion below which nothing comes in."""
 SIDES = ((1, False), (1, True), (0, False), (0, True))
@@ -144,10 +144,10 @@ class Border:
         self.incoming: set[int] = set()
         """The sides where ground came in at the last step."""
         self.suspect: BorderStep | None = None
-        """What may stand out there: a whole side, less surely, or what did so a little before."""
+        """A possible step edge at the border: a whole side, with less certainty, or one found shortly before."""
 
     def step(self, views: Views, plane: Plane) -> BorderStep | None:
-        """What surely stands out at the sides of the newest frame, None where nothing does.
+        """The most significant step edge at the sides of the newest frame; None where there is none.
 
         After a look that found nothing the next is due when some ground has come in (``border_step_px``).
         """
@@ -298,7 +298,7 @@ class Border:
         return _Strips(places, height - common[:, None], information)
 
     def _steps(self, strips: _Strips) -> list[BorderStep]:
-        """The runs of blocks that stand out, in each strip and of each length the one that adds most.
+        """The runs of blocks with significant height: in each strip and of each length the one with the largest mean.
 
         In a whole side the errors of its blocks even out, and of many runs one is off by chance: less is asked of it.
         """

@@ -1,4 +1,4 @@
-"""A brink that comes into view, by the tracks behind it together: each alone is too young to tell.
+"""A step edge (drop-off) that enters the view, by the mean height of the young tracks behind it.
 
 Where the ground is faint, tracks that have just come in know their heights to a few hundredths of the distance only. A
 step along a side of the view has all of them on one level, and their mean is far better known.
@@ -20,7 +20,7 @@ class DropOff:
         self.options, self._size = options, (camera.width, camera.height)
 
     def step(self, relief: Relief, pixels: NDArray[np.floating], sides: set[int]) -> float:
-        """Share of the view's mean square height behind the brink that is surest; zero where none is sure.
+        """Contribution to the view's mean square height of the most significant step edge; 0 where none is significant.
 
         ``pixels`` (n, 2) are the places of the relief's tracks, ``sides`` the numbers (``border.SIDES``) of those at
         which ground comes in. Heights have a common error as well (``brink_floor``), since tracks of one age share

@@ -83,6 +83,7 @@ class Ground:
         self.scale = Scale()
         self._last_s = math.nan
         self._velocity: Array | None = None
+        self._delay_s = 0.0
         self._tilt_std_deg = math.nan
         self._approach = math.nan
         self._moved: Array | None = None
@@ -104,6 +105,7 @@ class Ground:
         )
         distance_m = self.scale.distance_m * length
         self._velocity = observation.velocity_ned
+        self._delay_s = max(0.0, observation.delay_s)
         self._tilt_std_deg = estimate.inclination_std_deg
         self._approach = approach / length if known else math.nan
         # the way down to the plane straight below, over the distance along its normal
@@ -221,13 +223,14 @@ class Ground:
         """Where ArduCopter's LAND stops, north and east of the vehicle, m; None without a velocity.
 
         By the view's motion in the map's own metres where there is one: the noise of a velocity moves the point about.
+        The frame is ``delay_s`` old: the vehicle has flown on by so much already.
         """
         velocity = self._velocity if self._moved is None else self._moved
         if velocity is None:
             return None
         north, east = velocity[:2].tolist()
         speed = math.hypot(north, east)
-        way = stopping_distance(speed)
+        way = stopping_distance(speed) + speed * self._delay_s
         if not math.isfinite(way):
             return None
         return (north * way / speed, east * way / speed) if speed > 0 else (0.0, 0.0)

@@ -20,7 +20,7 @@ CELLS = 128
 """Cells a side."""
 CELL_M = 0.1
 _COARSEST = 6
-"""Cells across a block beyond which it tells nothing of a landing place."""
+"""Cells across a block beyond which it has no information about a landing place."""
 _CHANGE_STD_M = 0.01
 """Change of a height that is not seen in the square root of a second."""
 _SHARED = 0.25
@@ -148,7 +148,7 @@ class GroundMap:
         looks, disputed = self.looks.ravel()[seen], self.disputed.ravel()[seen]
         again = looks > 0
         if np.count_nonzero(again) >= _LEVEL_CELLS:
-            # the vertical motion adds up errors that all cells share: what was seen before tells
+            # the vertical motion adds up errors that all cells share: earlier measurements show it
             lift = float(np.median(old_height[again] - height[again]))
             self.place[2] += lift
             height = height + lift

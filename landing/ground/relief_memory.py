@@ -86,7 +86,7 @@ class ReliefMemory:
         cell: NDArray[np.int64],
         even: Marks,
     ) -> None:
-        """Take in ``points`` (k, 2) that surely stand out now, in their cells; the cells ``even`` hold none."""
+        """Store ``points`` (k, 2) with significant relief in their cells; the cells ``even`` have none."""
         if len(self.heights):
             replaced = even.copy()
             replaced[cell] = True
@@ -95,7 +95,7 @@ class ReliefMemory:
             self._append(points, pixels.astype(np.float64), heights)
 
     def add(self, pixels: Array, height: float) -> None:
-        """Take in places (n, 2) px that were seen to stand out by a height without any track."""
+        """Store places (n, 2) px whose height was measured without any track."""
         self._append(self.camera.undistort(pixels), pixels, np.full(len(pixels), height))
 
     def unseen(self, seen: Marks) -> tuple[NDArray[np.int64], Array]:

@@ -32,8 +32,8 @@ class Relief:
     """``height`` (n,) over the plane over the distance along the axis of the tracks ``slots``, ``std`` (n,) of it.
 
     ``roughness`` is the RMS with the noise taken out, ``roughness_std`` one sigma of it, NaN where the motion
-    does not tell; ``gross`` counts the tracks refused as tracking errors, ``standing`` those that surely stand
-    out from the plane.
+    does not determine it; ``gross`` counts the tracks refused as tracking errors, ``obstacle_points`` those with
+    significant height over the plane.
     """
 
     slots: NDArray[np.intp]
@@ -98,7 +98,7 @@ class ReliefMap:
             cell = np.concatenate((cell, lost))
             product = np.concatenate((product, lost_height**2))
             variance = np.concatenate((variance, np.full(len(lost), float(variance.min()))))
-        # tracks good enough to tell what matters count alike, the others by their uncertainty
+        # tracks that are accurate enough count alike, the others by their uncertainty
         weight = 1.0 / (np.bincount(cell).take(cell) * (variance + o.relief_scale**2) ** 2)
         total = float(weight.sum())
         mean_square = max(float(weight @ product) / total, 0.0)
@@ -222,7 +222,7 @@ class ReliefMap:
         significant: Marks,
         cell: NDArray[np.int64],
     ) -> None:
-        """Add the points that stand out twice, forget those where the ground is now measured as even."""
+        """Add the points with two significant heights, forget those where the ground is now measured as even."""
         o, tracker = self.options, views.tracker
         even = self._cells.marked(cell.compress((s < o.relief_scale) & ~significant))
         sure = significant.nonzero()[0]
@@ -259,7 +259,7 @@ def heights(
     scale = 1.0 / math.sqrt(float(np.dot(normal, normal)))
     np.multiply(along, left, out=square)
     product = square[0] + square[1]
-    # where a patch lies on a brink or a slope it goes astray a little: still relief as long as it goes along the motion
+    # where a patch lies on a step edge or a slope it is off a little: still relief as long as it goes along the motion
     astray = across * length > options.gross_share * np.abs(product)
     astray &= across > options.gross_sigmas * noise
     return product / information * scale, (noise * scale) / length, astray

@@ -66,7 +66,7 @@ class Scale:
             self.relative_std = min(self.relative_std, self._information**-0.5)
 
     def _begin(self, measured_m: float, relative: float) -> None:
-        """Start from a single measurement, whose doubt is not told yet."""
+        """Start from a single measurement, whose standard deviation is not established yet."""
         self.forget()
         self.distance_m, self._noise2 = measured_m, relative**2
 

@@ -1,4 +1,4 @@
-"""Where the vehicle can stand: the disc of its own size about every cell of the ground map, judged by the same rules.
+"""Where the vehicle can stand: the disc of its own size about every cell of the ground map, by the same rules.
 
 A disc is a least-squares plane through its known cells: the plane's inclination, the largest distance of a cell from
 it (the step), and the share of the disc that is known. It is landable when all three are sure to be within limits, a

@@ -31,7 +31,7 @@ _LEAST_WEIGHT = 30.0
 """Degrees of freedom behind a mean before it may fail."""
 
 _LEAST_SHARE = 1e-3
-"""Directions of the rotation of which the tracks tell less than this share of the prior's variance are left out."""
+"""Directions of the rotation of which the tracks know less than this share of the prior's variance are left out."""
 
 _DRIFT = 0.3
 """Slow error of the autopilot's velocity, one sigma of an axis, m/s: GPS drift, a slow filter, wind estimates."""
@@ -40,8 +40,6 @@ _INVERSE_HEIGHTS = 1.0 / np.geomspace(0.3, 200.0, 60)
 """Heights at which the velocity is compared, 1/m."""
 
 _LATE_CHANGE_S, _LATE_SETTLED_S, _LATE_FORGET_S, _LATE_SIGMAS = 0.03, 0.004, 30.0, 5.0
-AT_BOUND = 0.98
-"""A lateness of this share of the bound of the search is at least so much."""
 
 
 @dataclass(slots=True)
@@ -100,10 +98,8 @@ def velocity_chi2(velocity: Array, velocity_std: float, omega: Array, omega_std:
 class Contradictions:
     """Feed it every frame; ``failing`` names the comparisons that fail, the first one is the status."""
 
-    def __init__(self, late_bound_s: float) -> None:
-        """``late_bound_s``: the largest lateness that the search can find."""
+    def __init__(self) -> None:
         self._rotation, self._velocity = Mean(_ROTATION_FAILS), Mean(_VELOCITY_FAILS)
-        self._late_bound_s = late_bound_s
         self._late_before_s: float | None = None
         self._late_fails = False
         self._last_s: float | None = None
@@ -125,17 +121,28 @@ class Contradictions:
         velocity_chi2_: float,
         late_s: float,
         late_std_s: float,
+        late_at_bound: bool = False,
     ) -> None:
-        """Take a frame's comparisons: chi-square and degrees of freedom, chi-square (nan: none), lateness."""
+        """Take a frame's comparisons: chi-square and degrees of freedom, chi-square (nan: none), lateness.
+
+        ``late_at_bound``: the lateness is at least so much, farther is not looked for.
+        """
         passed_s = 0.0 if self._last_s is None else time_s - self._last_s
         self._last_s = time_s
         self._rotation.step(*rotation, passed_s)
         known = math.isfinite(velocity_chi2_)
         self._velocity.step(velocity_chi2_ if known else 0.0, 2.0 if known else 0.0, passed_s)
-        self._step_lateness(late_s, late_std_s, passed_s)
+        self._step_lateness(late_s, late_std_s, late_at_bound, passed_s)
 
-    def _step_lateness(self, late_s: float, std_s: float, passed_s: float) -> None:
-        at_bound = self._late_bound_s > 0 and abs(late_s) >= AT_BOUND * self._late_bound_s
+    def began_elsewhere(self) -> None:
+        """The lateness is found for the first time, far from where it was looked for: it has not changed.
+
+        What was compared before was of other moments.
+        """
+        self._rotation, self._velocity = Mean(_ROTATION_FAILS), Mean(_VELOCITY_FAILS)
+        self._late_before_s = None
+
+    def _step_lateness(self, late_s: float, std_s: float, at_bound: bool, passed_s: float) -> None:
         changed = False
         if self._late_before_s is not None:
             change_s = late_s - self._late_before_s

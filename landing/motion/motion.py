@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _FEWEST = 6
-"""Tracks that a displacement is told from."""
+"""Fewest tracks for a displacement."""
 
 
 class OverPlane:

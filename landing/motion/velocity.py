@@ -1,7 +1,7 @@
 """The velocity over height at the newest frame, from displacements over a few short gaps.
 
 Over a longer interval noise counts less, but the vehicle accelerates under way. What the autopilot knows of its own
-velocity tells how it changed: slow errors, which spoil the velocity itself, fall out of the difference.
+velocity gives its change: slow errors of the velocity cancel in the difference.
 """
 
 import math
@@ -82,7 +82,9 @@ def _guided(
     moved = _moved(views, gaps, normal, weight, noise, rotation_std, o)
     if moved is None:
         return None
-    measured = VehicleVelocity(*change, o.guided_velocity_std, views.newest.velocity_noise)
+    measured = VehicleVelocity(
+        *change, o.guided_velocity_std * views.newest.velocity_factor, views.newest.velocity_noise
+    )
     # the whole way over the longest gap, in heights and in metres
     way = measured.detour[-1] - measured.velocity * moved.tau[-1]
     square = float(np.dot(way, way))

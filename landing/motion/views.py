@@ -21,13 +21,15 @@ _GAPS = np.array((1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24, 29, 35, 42, 50
 """Baselines looked at, in frames."""
 _LATE_STEP_S = 0.002
 """Change of the lateness at which the attitudes of earlier frames are put right."""
+_LATE_ANEW_S = 0.02
+"""Change of the lateness at which they are given up: the rate of turn then does not carry them so far."""
 
 
 @dataclass(frozen=True, slots=True)
 class View:
     """One exposure: its time, ned_from_camera (3, 3) or None, the trust in rotations measured from it, the vehicle's
     velocity (3,) m/s NED or None with its age and noise, the camera's rate of turn (3,) rad/s about its own axes or
-    None, and the lateness that the attitude allows for."""
+    None, the lateness that the attitude allows for, and the velocity's slow error over the assumed one."""
 
     frame: int
     time_s: float
@@ -38,6 +40,7 @@ class View:
     velocity_noise: float = 0.0
     turn_rate: Array | None = None
     late_s: float = 0.0
+    velocity_factor: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +117,7 @@ class Views:
                 o.velocity_noise,
                 rate,
                 o.late_s,
+                o.velocity_factor,
             ),
             motion,
         )
@@ -137,9 +141,14 @@ class Views:
 
     def _correct(self, late_s: float) -> None:
         """Put the attitudes of earlier frames right for a lateness that is known better now."""
+        anew = abs(late_s - self._late_s) > _LATE_ANEW_S
         self._late_s = late_s
         for k, view in enumerate(self._views):
             if view.ned_from_camera is None or view.turn_rate is None:
+                continue
+            if anew:
+                self._views[k] = replace(view, ned_from_camera=None, late_s=late_s)
+                self._turn(self.tracker.frame - len(self._views) + k, None)
                 continue
             turned = view.ned_from_camera @ exp_so3(view.turn_rate * (view.late_s - late_s))
             self._views[k] = replace(view, ned_from_camera=turned, late_s=late_s)

@@ -18,7 +18,7 @@ def height(
     """Distance to the surface along the optical axis and its standard deviation, m.
 
     ``velocity`` (3,) m/s and ``omega`` (3,) 1/s in the camera frame; the inverse height that fits all three axes
-    best, both with their errors. NaN where the motion does not tell it within ``max_relative_std``.
+    best, both with their errors. NaN where the motion does not determine it within ``max_relative_std``.
     """
     axes = list(zip(velocity.tolist(), omega.tolist(), omega_std.tolist(), strict=True))
     speed2 = sum(v * v for v, _, _ in axes)

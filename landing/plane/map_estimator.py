@@ -17,13 +17,13 @@ from landing.vision.rolling_shutter import Motion
 Array = NDArray[np.float64]
 
 _UNEVEN = 0.0035
-"""How much the slopes of one surface differ from place to place, when they are to tell something else."""
+"""How much the slopes of one surface differ from place to place, when they are evidence of something else."""
 _SAMPLE = 40
 """Tracks that the choice of the baseline looks at."""
 
 
 class MapEstimator:
-    """Maximum a posteriori plane between the newest frame and the older one that tells most about it."""
+    """Maximum a posteriori plane between the newest frame and the older one with the most information about it."""
 
     def __init__(self, options: EstimatorOptions, focal_px: float, capacity: int) -> None:
         o = options

@@ -72,7 +72,7 @@ class PlaneFit:
 
     ``residual`` is (n, 2), observed minus predicted in the old frame, normalised; ``weight`` (n,) in 0 to 1;
     ``noise`` the scale of the inliers' whitened residuals per coordinate; ``old_from_new`` (3, 3) with d applied;
-    ``prior`` what the fit was told before.
+    ``prior`` the prior of the fit.
     """
 
     t: Array

@@ -2,11 +2,13 @@
 
 A frame stamped late by s was seen s before. Over a baseline the measured rotation old_from_new then is wrong by what
 the camera turned in that time at both ends, d = (old_from_new^T w_old - w_new) s in the newest camera's axes, w the
-rates of turn. The plane fit finds d from the tracks; a steady turn does not tell, a change of it does.
+rates of turn. The plane fit finds d from the tracks; a constant rate has no information, a change of the rate has.
 
 A readout that is not known bends the view, much as a rotation and a slope do. Each fit says how its residuals and
-its parameters change with it; what tells it from a slope is that slopes of one surface must not depend on how the
+its parameters change with it; it differs from a slope in that slopes of one surface must not depend on how the
 vehicle turns. Both times are confused with one another by any single baseline, so they are found together.
+
+The filter looks near what is known; where a camera is later by more, the coarse search says where to begin.
 """
 
 import math
@@ -15,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from landing.motion.views import Views
+from landing.plane.coarse_lateness import EARLIEST_S, LATEST_S, CoarseLateness
 from landing.plane.plane import Plane, RotationError, RowsError
 
 Array = NDArray[np.float64]
@@ -26,14 +29,17 @@ _ORDINARY = 2.0
 
 _FARTHEST = 10.0
 """Farther away than this, in sigma of what is known at first, it is something else."""
-
+_AT_BOUND = 0.98
+"""A lateness of this share of the bound of the search is at least so much."""
+_ELSEWHERE_S = 0.05
+"""The filter begins anew where the coarse search finds a lateness farther away than this."""
 
 _LEAST_STD_S = 1e-7
 """Doubt that always is left of a time."""
 _LONGEST_S = 0.1
 """No readout is longer."""
 _ALIKE = 4.0
-"""Overlaps of baselines whose errors are alike, by attitudes and by the ground: they tell rows as one does."""
+"""Overlaps of baselines whose errors are alike, by attitudes and by the ground: they have the information of one."""
 _SLOPE, _TURN = slice(3, 5), slice(5, 8)
 """Where a fit's parameters are the slopes, and the rotation's error."""
 
@@ -58,8 +64,13 @@ class TimeOffsetFilter:
         self._fixed = np.array((std_s == 0, readout_std_s == 0))
         self._attitude_error2 = 2 * attitude_error_std_rad**2
         self._first_std_s, self._drift = std_s, drift
-        self.farthest_s = _FARTHEST * std_s
-        """Bound of the search: a lateness found there is at least so much."""
+        self._centre_s, self._farthest_s = 0.0, _FARTHEST * std_s
+        self._coarse: CoarseLateness | None = None if std_s == 0 else CoarseLateness()
+        self._searching = std_s > 0
+        self.confirmed = False
+        """Whether the coarse search has found the lateness once."""
+        self.moved = False
+        """Whether the newest step began anew elsewhere."""
         self._last_s: float | None = None
 
     @property
@@ -77,9 +88,40 @@ class TimeOffsetFilter:
         """Standard deviation of the readout."""
         return math.sqrt(self._covariance[1, 1])
 
+    @property
+    def at_bound(self) -> bool:
+        """Whether the lateness lies at a bound of the search: then it is at least so much."""
+        if self._first_std_s == 0:
+            return False
+        near = abs(self.late_s - self._centre_s) >= _AT_BOUND * self._farthest_s
+        return near or not _AT_BOUND * EARLIEST_S < self.late_s < _AT_BOUND * LATEST_S
+
     def loosen(self) -> None:
         """The clocks are set against each other anew: what was found of the lateness is a guess again."""
         self.std_s = self._first_std_s
+        self.search()
+
+    def search(self) -> None:
+        """Look for the lateness over the whole range again: something contradicts what was found."""
+        if self._coarse is not None and not self._searching:
+            self._coarse.forget()
+            self._searching = True
+
+    def _search(self, views: Views) -> None:
+        """The coarse search, until it is sure."""
+        self.moved = False
+        if self.at_bound:
+            self.search()
+        if self._coarse is None or not self._searching:
+            return
+        found_s = self._coarse.step(views)
+        if found_s is None:
+            return
+        self._searching, self.confirmed = False, True
+        if abs(found_s - self.late_s) > _ELSEWHERE_S:
+            self.late_s = self._centre_s = found_s
+            self.std_s = self._first_std_s
+            self.moved = True
 
     def step(self, views: Views, plane: Plane) -> None:
         """Learn from the newest plane's fit."""
@@ -88,6 +130,9 @@ class TimeOffsetFilter:
             grown = self.std_s**2 + self._drift**2 * (now_s - self._last_s)
             self._covariance[0, 0] = min(grown, self._first_std_s**2)
         self._last_s = now_s
+        self._search(views)
+        if self.moved:
+            return  # the fit is of attitudes of another time
         free = np.diag(self._covariance) > 0
         if plane.rotation_error is None or not free.any():
             return
@@ -106,10 +151,10 @@ class TimeOffsetFilter:
 
     def _of_rotation(self, found: RotationError, per_second: Array, taken_out: Array) -> tuple[Array, Array]:
         """Information (2, 2) about both, and what it says of their errors times it (2,): of the lateness alone."""
-        # what the tracks alone tell of d, with the measured rotation's own noise: its precision, and that times d
+        # the tracks' own information about d, with the measured rotation's noise: its precision, and that times d
         precision = found.prior_std**-2.0
         evidence = np.diag(precision) - precision[:, None] * found.covariance * precision
-        # and with the errors of both attitudes, (told^-1 + Q)^-1 = (1 + told Q)^-1 told
+        # and with the errors of both attitudes, (I^-1 + Q)^-1 = (1 + I Q)^-1 I with I the information of the tracks
         more = np.eye(3) + self._attitude_error2 * evidence
         both = np.linalg.solve(more, np.column_stack((evidence @ per_second, precision * found.mean)))
         weight = both[:, 0]
@@ -152,12 +197,12 @@ class TimeOffsetFilter:
         """Take in what a baseline of ``gap`` frames says; nothing where it says nothing, or no number."""
         if not (np.isfinite(information).all() and np.isfinite(surprise).all()):
             return
-        # what rounding leaves below zero tells nothing
+        # an information below zero is rounding
         eigenvalues, axes = np.linalg.eigh((information + information.T) / 2)
         if not eigenvalues[-1] > 0:
             return
         information = (axes * np.maximum(eigenvalues, 0.0)) @ axes.T
-        # how far off it is, over what is known and what it tells
+        # the innovation over the standard deviations of prediction and measurement
         sigmas = math.sqrt(max(float(surprise @ self._of(information, surprise)), 0.0))
         # baselines that overlap say the same again
         share = min(1.0, _ORDINARY / max(sigmas, 1e-9)) / gap
@@ -171,7 +216,10 @@ class TimeOffsetFilter:
         updated[:, self._fixed] = 0.0
         self._covariance = updated
         late_s, readout_s = self._covariance @ (share * surprise)
-        self.late_s = min(max(self.late_s + float(late_s), -self.farthest_s), self.farthest_s)
+        lowest_s, highest_s = self._centre_s - self._farthest_s, self._centre_s + self._farthest_s
+        self.late_s = min(max(self.late_s + float(late_s), lowest_s), highest_s)
+        if self.at_bound:
+            self.std_s = self._first_std_s
         self.readout_s = min(max(self.readout_s + float(readout_s), -_LONGEST_S), _LONGEST_S)
 
     def _of(self, information: Array, surprise: Array) -> Array:

@@ -33,7 +33,7 @@ def towards(t: Sequence[float] | Array, normal: Sequence[float] | Array) -> Arra
 
 
 def least_squares(p: Points, q: Points) -> Array | None:
-    """Homography (3, 3) from p to q, both (n, 2) about the origin and of size one; None where they do not tell it."""
+    """Homography (3, 3) from p to q, both (n, 2) about the origin and of size one; None where undetermined."""
     x, y, u, v = p[:, 0], p[:, 1], q[:, 0], q[:, 1]
     n = len(p)
     rows = np.zeros((9, 2, n))

@@ -16,7 +16,7 @@ Image = NDArray[Any]
 _NOTHING = np.empty((0, 0), np.uint8)
 _STEP_PX = 4.0
 _BESIDE = np.array(((_STEP_PX, 0.0), (0.0, _STEP_PX)), np.float32)
-"""Steps to the right and down by which a deformation is told."""
+"""Steps to the right and down by which a deformation is given."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""What the texture in a window tells of a match: how sure it is, and how far a deformation puts it off."""
+"""Information of the texture in a window about a match: its covariance, and its bias under a deformation."""
 
 from typing import Any
 

@@ -38,7 +38,7 @@ class TrackPair:
 
     ``new`` and ``old`` are (n, 2) normalised image coordinates; ``slots`` (n,) names the tracks. ``whitener``
     (3, n) holds c11, c12, c22 of the triangular C with C^T C the information of a match (1 over normalised
-    units squared), from the texture of its patch: along an edge a match tells little.
+    units squared), from the texture of its patch: along an edge a match has little information.
     """
 
     gap: int

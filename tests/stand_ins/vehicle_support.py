@@ -1,6 +1,7 @@
 """A vehicle for tests: speaks MAVLink on a real UDP socket, plays a recorded tlog, answers commands as told."""
 
 import heapq
+import math
 import socket
 import struct
 import threading
@@ -29,8 +30,10 @@ IN_PROGRESS_ACCEPTED = ((0.0, dialect.MAV_RESULT_IN_PROGRESS), (0.6, dialect.MAV
 IN_PROGRESS_SILENCE = ((0.0, dialect.MAV_RESULT_IN_PROGRESS),)
 SILENCE: tuple[tuple[float, int], ...] = ()
 
-ATTITUDE = b"\x1e\0\0"
-"""Message id 30 in a MAVLink 2 header."""
+HEARTBEAT, ATTITUDE = b"\0\0\0", b"\x1e\0\0"
+"""Message ids 0 and 30 in a MAVLink 2 header."""
+LONGEST_SILENCE_S = 1.2
+"""Between heartbeats while the recording plays slowly: MAVSDK, which lives by the machine's clock, waits for 3 s."""
 
 
 def free_udp_port() -> int:
@@ -72,7 +75,8 @@ class TestVehicle:
     """Sends to 127.0.0.1:``port`` (where a link listens) from a socket of its own, in a thread of its own.
 
     ``frames`` are (us since the start, frame) of a recording, sent at that pace once ``play()`` is called; without
-    them it beats only. ``answer`` says what becomes of NAV_LAND. ``edit(t_s, frame)`` may replace a frame by others.
+    them it beats only; paced by ``clock`` (s). ``answer`` says what becomes of NAV_LAND. ``edit(t_s, frame)``
+    may replace a frame by others.
     """
 
     __test__ = False
@@ -87,12 +91,19 @@ class TestVehicle:
         edit: Callable[[float, bytes], list[bytes]] | None = None,
         mode: int = COPTER_GUIDED,
         seal: Callable[[bytes], bytes] | None = None,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.commands: list[tuple[float, Any]] = []
         self.received: list[Any] = []
         self.received_raw: list[bytes] = []
         self.beats: list[float] = []
         """When heartbeats of the companion came (monotonic)."""
+        self.beats_s: list[float] = []
+        """The same in seconds into the recording."""
+        self.sent = 0
+        """Frames that went out."""
+        self.on_next: Callable[[float], None] = lambda t_us: None
+        """Called with the moment of the next frame of the recording, once those before it went out."""
         self.landed_at: float | None = None
         self.armed = True
         self.autopilot = dialect.MAV_AUTOPILOT_ARDUPILOTMEGA
@@ -115,7 +126,9 @@ class TestVehicle:
         self._play_from: float | None = None
         self._position = 0
         self._boot_us_at_start = self._restarted_us = 0
-        self._start = time.monotonic()
+        self._clock = clock
+        self._start = clock()
+        self._heartbeat_sent = 0.0
         self._stop = threading.Event()
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.bind(("127.0.0.1", 0))
@@ -133,12 +146,12 @@ class TestVehicle:
 
     def play(self) -> None:
         """Begin with the recording."""
-        self._play_from = time.monotonic()
+        self._play_from = self._clock()
 
     @property
     def play_s(self) -> float:
         """Seconds into the recording."""
-        return 0.0 if self._play_from is None else time.monotonic() - self._play_from
+        return 0.0 if self._play_from is None else self._clock() - self._play_from
 
     def land_commands(self) -> list[Any]:
         """Every NAV_LAND received; MAVSDK repeats one, up to four in all, while no answer comes."""
@@ -157,7 +170,10 @@ class TestVehicle:
             if self._seal is not None:
                 frame = self._seal(frame)
             if not self.muted:
+                if frame[7:10] == HEARTBEAT:
+                    self._heartbeat_sent = time.monotonic()
                 self.socket.sendto(frame, self._target)
+                self.sent += 1
 
     def send_bytes(self, data: bytes) -> None:
         """Send anything at all."""
@@ -170,7 +186,7 @@ class TestVehicle:
             if now >= next_beat and (self._play_from is None or self._position >= len(self._frames)):
                 self._beat()
                 next_beat = now + 0.25
-            self._play(now)
+            self._play(self._clock())
             while self._due and self._due[0][0] <= now:
                 heapq.heappop(self._due)[2]()
             try:
@@ -202,12 +218,15 @@ class TestVehicle:
                     edited_ms, recorded_ms = (struct.unpack("<I", f[10:14])[0] for f in (out, frame))
                     self._restarted_us = (edited_ms - recorded_ms) * 1000
                 self.send_frame(out)
+                if time.monotonic() - self._heartbeat_sent > LONGEST_SILENCE_S:
+                    self._beat()
+        self.on_next(self._frames[self._position][0] if self._position < len(self._frames) else math.inf)
         if self._position >= len(self._frames):
             self.played.set()
 
     def boot_us(self) -> int:
         """The vehicle's time since boot: that of the recording."""
-        since_s = time.monotonic() - (self._play_from or self._start)
+        since_s = self._clock() - (self._play_from or self._start)
         return self._boot_us_at_start + self._restarted_us + int(since_s * 1e6)
 
     def set_boot_us(self, boot_us: int) -> None:
@@ -224,6 +243,7 @@ class TestVehicle:
             name = message.get_type()
             if name == "HEARTBEAT":
                 self.beats.append(time.monotonic())
+                self.beats_s.append(self.play_s)
             elif name == "TIMESYNC" and message.tc1 == 0:
                 self.send(dialect.MAVLink_timesync_message(self.boot_us() * 1000, message.ts1))
             elif name == "COMMAND_LONG":
@@ -265,7 +285,7 @@ def renumbered(frame: bytes, sequence: int) -> bytes:
     return bytes(body) + checksum(bytes(body), len(body), extra).to_bytes(2, "little")
 
 
-PATIENCE_S = 10.0
+PATIENCE_S = 60.0
 
 
 def wait_for(condition: Callable[[], object], what: str) -> None:

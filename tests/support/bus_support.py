@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
 
 ROUTER = """
 import sys

@@ -1,5 +1,6 @@
 """A daemon on the bench: a recorded flight as live camera and live autopilot, and everything it said."""
 
+import math
 import socket
 import threading
 import time
@@ -11,11 +12,13 @@ from typing import Any
 import cv2
 import msgspec
 import numpy as np
+from bench_clock import HELD_S, SPEED, BenchClock
 from places import REPOSITORY
 from vehicle_support import ACCEPTED, TestVehicle, free_udp_port, tlog_frames
 
 from companion.live.daemon import Daemon
 from companion.live.inputs import Inputs
+from companion.messages.messages import Message, topic_of
 from companion.settings.settings import Settings
 from companion.settings.settings_file import load
 from drivers.bus import Endpoints, Subscription
@@ -23,10 +26,11 @@ from drivers.cameras.interface import Camera, Grab, Notify, ReaderLimits
 from drivers.cameras.reader import ReaderCamera
 from drivers.errors import DriverError
 from drivers.files.video_file import VideoFile
-from drivers.system.host_clock import now_us
+from drivers.samples import Frame, Refusal
 
 STAIRS = REPOSITORY / "sitl_logs" / "stairs_a"
-PATIENCE_S = 15.0
+PATIENCE_S = 60.0
+"""Nothing is waited for longer; a test that passes never waits so long."""
 LINK_DELAY_US = 1000
 """Shortest delay between a message of the recording and its arrival."""
 
@@ -75,10 +79,10 @@ def recorded_telemetry(from_s: float, to_s: float) -> list[tuple[int, bytes]]:
 
 
 class PlayedGrabber:
-    """The recording as a device: each frame when its time has come after ``started`` was set."""
+    """The recording as a device: each frame when its time has come."""
 
     def __init__(
-        self, frames: list[tuple[int, np.ndarray]], clock: "PlayClock", edit: FrameEdit | None
+        self, frames: list[tuple[int, np.ndarray]], clock: BenchClock, edit: FrameEdit | None
     ) -> None:
         self._frames = frames
         self._clock = clock
@@ -95,9 +99,11 @@ class PlayedGrabber:
             t_us = self._clock.seconds() * 1e6
             following = next((f for f in self._frames if f[0] > max(t_us, self._clock.last_us)), None)
             if following is None:
+                self._clock.limit("camera", math.inf)
                 time.sleep(0.05)
                 return None if self._clock.over else self.grab()
             self._clock.last_us = following[0]
+            self._clock.limit("camera", following[0])
             self._clock.wait_until(following[0])
             image = following[1] if self._edit is None else self._edit(following[0] / 1e6, following[1])
             if image is None:
@@ -106,36 +112,31 @@ class PlayedGrabber:
             return Grab(image.copy(), self._clock.host_us(following[0]) + shift_us)
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Nothing to give back, and nobody waits for it."""
+        self._clock.limit("camera", math.inf)
 
 
-class PlayClock:
-    """When the recording began, for camera and autopilot together."""
+class PlayedCamera(ReaderCamera):
+    """Knows whether a frame is still with the daemon: it is done with one when it asks for the next."""
 
-    def __init__(self) -> None:
-        self.started = threading.Event()
-        self.over = False
-        self.last_us = -1
-        self._start = 0.0
-        self._start_host_us = 0
+    in_hand = False
 
-    def start(self) -> None:
-        self._start, self._start_host_us = time.monotonic(), now_us()
-        self.started.set()
+    def take(self) -> list[Frame | Refusal]:
+        self.in_hand = False
+        samples = super().take()
+        self.in_hand = any(isinstance(sample, Frame) for sample in samples)
+        return samples
 
-    def seconds(self) -> float:
-        return time.monotonic() - self._start if self.started.is_set() else -1.0
-
-    def wait_until(self, t_us: int) -> None:
-        self.started.wait()
-        time.sleep(max(0.0, self._start + t_us / 1e6 - time.monotonic()))
-
-    def host_us(self, t_us: int) -> int:
-        return self._start_host_us + t_us
+    def behind(self) -> bool:
+        return self.in_hand or self.status().waiting > 0
 
 
 class DaemonBench:
-    """Plays a cut of stairs_a to a daemon in this process, over a real MAVLink socket and zenoh."""
+    """Plays a cut of stairs_a to a daemon in this process, over a real MAVLink socket and zenoh.
+
+    All live by the bench's clock; with ``driven`` false by the machine's. ``speed`` 1 is for tests of what goes by the
+    machine's clock all the same: MAVSDK's patience, heartbeats and the watchdog.
+    """
 
     def __init__(
         self,
@@ -147,8 +148,10 @@ class DaemonBench:
         edit_telemetry: Callable[[float, bytes], list[bytes]] | None = None,
         settings: tuple[str, ...] = (),
         listen: bool = True,
+        driven: bool = True,
+        speed: float = SPEED,
     ) -> None:
-        self.clock = PlayClock()
+        self.clock = BenchClock(driven=driven, speed=speed)
         self.port = free_udp_port()
         zenoh_port = free_tcp_port()
         self.settings: Settings = load(
@@ -164,7 +167,10 @@ class DaemonBench:
         ).settings
         self.messages: list[tuple[str, dict[str, Any]]] = []
         telemetry = recorded_telemetry(*cut)
-        self.vehicle = TestVehicle(self.port, answer, telemetry, edit=edit_telemetry)
+        self.vehicle = TestVehicle(
+            self.port, answer, telemetry, edit=edit_telemetry, clock=self.clock.monotonic
+        )
+        self.vehicle.on_next = lambda t_us: self.clock.limit("vehicle", t_us)
         least = min(t - int.from_bytes(f[10:14], "little") * 1000 for t, f in telemetry if f[7] == 30)
         self.vehicle.set_boot_us(LINK_DELAY_US - least)
         self._frames = recorded_frames(*cut)
@@ -173,17 +179,23 @@ class DaemonBench:
         self.alive = False
         self.endpoints = Endpoints(connect=(f"tcp/127.0.0.1:{zenoh_port}",))
         self._closing = threading.Event()
+        self._published: dict[str, Message] = {}
+        self._lost, self._read_at = 0, time.monotonic()
 
     def camera(self, notify: Notify) -> Camera:
         """The recording's frames behind the reader that real cameras have."""
         limits = ReaderLimits(open_timeout_s=30, read_timeout_s=30, first_retry_s=0.1, longest_retry_s=0.2)
-        return ReaderCamera(
+        self.played_camera = PlayedCamera(
             "test camera", lambda: PlayedGrabber(self._frames, self.clock, self._edit_frames), limits, notify
         )
+        return self.played_camera
 
     def __enter__(self) -> "DaemonBench":
+        self.clock.__enter__()
         self.vehicle.__enter__()
         self.daemon = Daemon(self.settings, Inputs(self.settings, self.camera))
+        self._put_on_bus, self.daemon._publisher.publish = self.daemon._publisher.publish, self._publish
+        self.clock.hold += [self._frame_in_hand, self._message_on_its_way]
         if self._watched:
             self._listener = threading.Thread(target=self._listen, daemon=True)
             self._listener.start()
@@ -200,6 +212,26 @@ class DaemonBench:
         if self._watched:
             self._listener.join(timeout=PATIENCE_S)
         self.vehicle.__exit__()
+        self.clock.__exit__()
+
+    def _frame_in_hand(self) -> bool:
+        behind = self.played_camera.behind()
+        if behind:
+            self.daemon._inbox.wake()
+        return behind
+
+    def _behind(self) -> int:
+        """Messages that the vehicle sent and the link has not read; those to a port that was not open stay there."""
+        link = self.daemon._link
+        return self.vehicle.sent - link.counters["frames in"] if link is not None else 0
+
+    def _message_on_its_way(self) -> bool:
+        if self._behind() <= self._lost:
+            self._read_at = time.monotonic()
+            return False
+        if time.monotonic() - self._read_at > HELD_S:
+            self._lost = self._behind()
+        return True
 
     def join(self, timeout_s: float) -> None:
         """Wait for the daemon's end."""
@@ -209,14 +241,36 @@ class DaemonBench:
     def play(self) -> None:
         """Begin, once MAVSDK has found the vehicle."""
         wait_for(lambda: self.daemon.commander_connected, "connection of MAVSDK")
+        self._lost = self._behind()
+        self.clock.limit("vehicle", 0)
         self.clock.start()
         self.vehicle.play()
 
     def play_to_end(self, then_s: float = 0.5) -> None:
         """Begin and wait for the end of the cut."""
         self.play()
-        assert self.vehicle.played.wait(60)
-        time.sleep(then_s)
+        self.wait_for_end()
+        wait_for(lambda: not self.daemon._commander.busy, "end of the command")
+        self.go_on(then_s)
+
+    def go_on(self, seconds: float) -> None:
+        """Let that much of the bench's time pass, and wait for the messages that were published by then."""
+        self.clock.wait_until((self.clock.seconds() + seconds) * 1e6)
+        for topic, message in list(self._published.items()):
+            wait_for(lambda t=topic, m=message: self._has(t, m), f"{topic} that was published")
+
+    def _has(self, topic: str, message: Message) -> bool:
+        """Whether a message, or one of its topic that is newer, has come over the bus."""
+        return any(m["time_unix_us"] >= message.time_unix_us for m in self.of(topic)[-50:])
+
+    def _publish(self, message: Message) -> None:
+        self._put_on_bus(message)
+        if self._watched:
+            self._published[topic_of(message)] = message
+
+    def wait_for_end(self) -> None:
+        """Wait until the recording has been played."""
+        assert self.vehicle.played.wait(10 * PATIENCE_S)
 
     def of(self, topic: str) -> list[dict[str, Any]]:
         """Messages of one topic so far."""

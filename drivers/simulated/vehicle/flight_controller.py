@@ -132,7 +132,7 @@ class FlightController:
         return True
 
     def fly(self, velocity: Vector, yaw: float | None = None, yaw_rate: float | None = None) -> bool:
-        """Fly with a velocity (NED) until told otherwise or GUID_TIMEOUT has passed; GUIDED, in the air."""
+        """Fly with a velocity (NED) until another order or GUID_TIMEOUT has passed; GUIDED, in the air."""
         self.firmware.setpoint_age_s = 0.0
         if not self._guidable():
             return False

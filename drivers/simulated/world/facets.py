@@ -44,6 +44,8 @@ class Facet:
     texture_m: float
     velocity: tuple[float, float] = (0.0, 0.0)
     """North and east, m/s; the texture goes along."""
+    stops_s: float = math.inf
+    """When it stands still."""
 
 
 def facet(

@@ -24,6 +24,7 @@ class World:
         self.normals = np.stack([f.normal for f in facets])
         self.offsets = np.einsum("ij,ij->i", self.normals, self.vertices[:, 0])
         self._velocity = np.array([(*f.velocity, 0.0) for f in facets])
+        self._stops_s = np.array([[f.stops_s] for f in facets])
         self.moving = bool(self._velocity.any())
         self.shift = np.zeros((len(facets), 3))
         """How far each facet has moved."""
@@ -37,7 +38,7 @@ class World:
         """Let what moves be where it is at a time; at zero everything is where it was built."""
         if not self.moving:
             return
-        shift = self._velocity * time_s
+        shift = self._velocity * np.minimum(time_s, self._stops_s)
         change = shift - self.shift
         self.shift = shift
         self.vertices = self.vertices + change[:, None]
@@ -67,13 +68,14 @@ class World:
 def build_world(surfaces: list[Mapping[str, Any]]) -> World:
     """A world from descriptions such as ``{"kind": "ramp", "inclination_deg": 20}``, all surfaces together.
 
-    Each may move: ``moves_m_s`` along the bearing ``moves_deg``.
+    Each may move: ``moves_m_s`` along the bearing ``moves_deg``, until ``moves_s``.
     """
     facets: list[Facet] = []
     for number, description in enumerate(surfaces, 1):
         arguments = dict(description)
         kind = arguments.pop("kind", None)
         speed, bearing = (float(arguments.pop(key, 0.0)) for key in ("moves_m_s", "moves_deg"))
+        stops_s = float(arguments.pop("moves_s", math.inf))
         if kind not in SURFACES:
             raise DriverError(f"surface {number}: kind must be one of {', '.join(SURFACES)}, got {kind!r}")
         try:
@@ -83,6 +85,6 @@ def build_world(surfaces: list[Mapping[str, Any]]) -> World:
         if speed:
             towards = math.radians(bearing)
             velocity = (speed * math.cos(towards), speed * math.sin(towards))
-            made = [replace(f, velocity=velocity) for f in made]
+            made = [replace(f, velocity=velocity, stops_s=stops_s) for f in made]
         facets += made
     return World(facets)

@@ -64,3 +64,19 @@ def test_a_lateness_is_reported_when_it_is_sure():
     assert names(times, range(2)) == []
     found.std_s = 0.002
     assert names(times, range(2, 5)) == ["camera_late"]
+
+
+def test_a_lateness_at_the_bound_of_the_search_is_reported_as_at_least_so_much():
+    found, times = watched(0.0)
+    found.late_s = 0.1
+    (told,) = times.step(0.0, None, 0)
+    assert "at least 100 ms later" in told.text
+    assert "set it to" not in told.text
+    assert told.details == {"late_s": 0.1, "at_least": True}
+
+
+def test_no_lateness_is_reported_while_pictures_and_gyro_contradict_each_other():
+    found, times = watched(0.0)
+    found.late_s, found.std_s = 0.04, 0.002
+    assert times.step(0.0, None, 0, contradicted=True) == []
+    assert len(times.step(1.0, None, 0)) == 1

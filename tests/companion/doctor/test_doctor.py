@@ -4,6 +4,7 @@ import itertools
 import shutil
 import socket
 import time
+from collections.abc import Callable
 
 import cv2
 import numpy as np
@@ -26,6 +27,7 @@ from drivers.system.single_instance import SingleInstance
 
 STAIRS = SITL_LOGS / "stairs_a"
 OPTIONS = DoctorOptions()
+PATIENCE_S = 60.0
 
 
 def loaded(*overrides: str) -> LoadedSettings:
@@ -36,21 +38,32 @@ def by_subject(findings) -> dict[str, Finding]:
     return {finding.subject: finding for finding in findings}
 
 
-def watched(settings: Settings, seconds: float) -> dict[str, Finding]:
-    """The camera's findings after some time."""
+def eventually(condition: Callable[[], object]) -> None:
+    """Wait until a condition holds."""
+    until = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < until
+        time.sleep(0.02)
+
+
+def watched(settings: Settings, frames: int = 12) -> dict[str, Finding]:
+    """The camera's findings after some frames."""
     examination = CameraExamination(settings, OPTIONS)
-    until = time.monotonic() + seconds
-    while time.monotonic() < until:
+    until = time.monotonic() + PATIENCE_S
+    while len(examination._frames) < frames:
+        assert time.monotonic() < until
         examination.look(0.1)
     findings = by_subject(examination.findings())
     examination.close()
     return findings
 
 
-def listened(settings: Settings, seconds: float) -> dict[str, Finding]:
-    """The link's findings after some time."""
+def listened(settings: Settings, messages: int = 0) -> dict[str, Finding]:
+    """The link's findings after some messages."""
     examination = LinkExamination(settings, OPTIONS)
-    time.sleep(seconds)
+    link = examination._link
+    if link is not None:
+        eventually(lambda: link.is_open and link.counters["frames in"] >= messages)
     findings = by_subject(examination.findings())
     examination.close()
     return findings
@@ -123,7 +136,7 @@ def test_settings_that_do_not_load_end_with_two(tmp_path, capsys):
 def test_a_calibration_of_another_size_fails():
     with MjpegServer(moving(160, 120)) as server:
         source = (f"camera.source={server.url}", f"camera.calibration={STAIRS / 'camera.yaml'}")
-        seen = watched(loaded(*source).settings, 1.5)
+        seen = watched(loaded(*source).settings)
     assert seen["calibration"].level == "failure"
     assert "320 x 240" in seen["calibration"].text
 
@@ -131,7 +144,7 @@ def test_a_calibration_of_another_size_fails():
 def test_a_readout_that_is_not_set_is_a_warning():
     with MjpegServer(moving(320, 240)) as server:
         source = (f"camera.source={server.url}", f"camera.calibration={STAIRS / 'camera.yaml'}")
-        seen = watched(loaded(*source).settings, 1.5)
+        seen = watched(loaded(*source).settings)
     assert seen["calibration"].level == "warning"
     assert "readout not set" in seen["calibration"].text
     assert "docs/calibration.md" in seen["calibration"].remedy
@@ -139,7 +152,7 @@ def test_a_readout_that_is_not_set_is_a_warning():
 
 def test_no_calibration_is_a_warning_and_a_slow_camera_too():
     with MjpegServer(moving(), rate_hz=8) as server:
-        seen = watched(loaded(f"camera.source={server.url}", "camera.rate_hz=30").settings, 2.0)
+        seen = watched(loaded(f"camera.source={server.url}", "camera.rate_hz=30").settings)
     assert seen["calibration"].level == "warning"
     assert "landslope calibrate" in seen["calibration"].remedy
     assert seen["frame rate"].level == "warning"
@@ -157,7 +170,7 @@ def noisy(base: np.ndarray):
 )
 def test_pictures_that_show_nothing_are_reported_apart(grey, remedy):
     with MjpegServer(noisy(np.full((120, 160), grey))) as server:
-        seen = watched(loaded(f"camera.source={server.url}").settings, 1.0)
+        seen = watched(loaded(f"camera.source={server.url}").settings)
     assert seen["exposure"].level == "warning"
     assert remedy in seen["exposure"].remedy
 
@@ -165,7 +178,7 @@ def test_pictures_that_show_nothing_are_reported_apart(grey, remedy):
 def test_a_camera_that_repeats_its_pictures_is_noticed():
     pictures = itertools.chain.from_iterable((picture, picture) for picture in moving())
     with MjpegServer(pictures) as server:
-        seen = watched(loaded(f"camera.source={server.url}").settings, 1.0)
+        seen = watched(loaded(f"camera.source={server.url}").settings)
     assert seen["frames"].level == "warning"
     assert "picture repeated" in seen["frames"].text
 
@@ -181,14 +194,14 @@ def test_blur_grows_with_the_blur():
 def test_a_silent_link_and_an_absent_one_say_different_things():
     port = free_udp_port()
     settings = loaded(f"mavlink.connection=udpin:127.0.0.1:{port}").settings
-    assert "silent" in listened(settings, 0.5)["link"].text
-    assert "not set" in listened(Settings(), 0.0)["link"].text
+    assert "silent" in listened(settings)["link"].text
+    assert "not set" in listened(Settings())["link"].text
 
 
 def test_another_vehicle_than_the_one_named():
     with SimulatedAutopilot("tcp:127.0.0.1:0") as autopilot:
         connection = f"mavlink.connection=tcp:127.0.0.1:{autopilot.port}"
-        seen = listened(loaded(connection, "vehicle.system_id=9").settings, 2.5)
+        seen = listened(loaded(connection, "vehicle.system_id=9").settings, 200)
     assert seen["link"].level == "failure"
     assert "no heartbeat" in seen["link"].text
     assert "vehicle.system_id" in seen["link"].remedy
@@ -198,9 +211,10 @@ def test_a_link_that_loses_messages_shows_in_the_rates():
     with SimulatedAutopilot("tcp:127.0.0.1:0") as autopilot:
         settings = loaded(f"mavlink.connection=tcp:127.0.0.1:{autopilot.port}").settings
         examination = LinkExamination(settings, OPTIONS)
-        time.sleep(1.5)  # time to be found
+        eventually(examination._link.vehicle_found.is_set)
         autopilot.link.loss = 0.5
-        time.sleep(3.5)
+        lossy_from_s = autopilot.time_s
+        eventually(lambda: autopilot.time_s > lossy_from_s + 3.5)
         seen = by_subject(examination.findings())
         examination.close()
     assert seen["link"].level == "ok"

@@ -9,13 +9,13 @@ import time
 from pathlib import Path
 
 import pytest
-from daemon_support import free_tcp_port, wait_for
+from daemon_support import PATIENCE_S, free_tcp_port, wait_for
 from vehicle_support import free_udp_port
 
 
 @pytest.mark.parametrize("mode", ["peer", "client"])
 def test_it_starts_and_ends_although_camera_and_router_hang(tmp_path: Path, mode: str) -> None:
-    """Both accept the connection and then say nothing."""
+    """Both accept the connection and then say nothing; the log says why there is no autopilot."""
     with socket.socket() as hanging:
         hanging.bind(("127.0.0.1", 0))
         hanging.listen(8)
@@ -27,10 +27,9 @@ def test_it_starts_and_ends_although_camera_and_router_hang(tmp_path: Path, mode
             f"zenoh.mode={mode}",
             f"zenoh.connect=tcp/127.0.0.1:{port}",
         )
-        code, log = started_and_ended(tmp_path, settings)
+        code, log = started_and_ended(tmp_path, settings, ("link_closed",))
     assert code == 0, log
     assert "Traceback" not in log
-    assert "link_closed" in log, "why there is no autopilot"
 
 
 def test_it_starts_and_ends_with_nobody_there(tmp_path: Path) -> None:
@@ -44,7 +43,7 @@ def test_it_starts_and_ends_with_nobody_there(tmp_path: Path) -> None:
     code, log = started_and_ended(tmp_path, settings, ("camera_lost", "zenoh: no session"))
     assert code == 0, log
     assert log.count("camera_lost") == log.count("zenoh: no session") == 1, (
-        "told once, not with every attempt"
+        "reported once, not with every attempt"
     )
     assert "Traceback" not in log
 
@@ -52,7 +51,7 @@ def test_it_starts_and_ends_with_nobody_there(tmp_path: Path) -> None:
 def started_and_ended(
     tmp_path: Path, settings: tuple[str, ...], words: tuple[str, ...] = ()
 ) -> tuple[int, str]:
-    """Run the daemon until it runs and has said the words, then end it; exit code, log.
+    """Run the daemon until it runs and has written the words, then end it; exit code, log.
 
     How long the end takes is measured by ``landslope benchmark --daemon``.
     """
@@ -66,10 +65,11 @@ def started_and_ended(
         )
     try:
         for word in ("landslope runs", *words):
-            wait_for(lambda word=word: word in path.read_text(), f"'{word}' in the log", 20)
-        time.sleep(1.0)
+            wait_for(lambda word=word: word in path.read_text(), f"'{word}' in the log")
+        if words:
+            time.sleep(1.0)  # for more attempts, none of which is to be reported again
         daemon.send_signal(signal.SIGTERM)
-        code = daemon.wait(30)
+        code = daemon.wait(PATIENCE_S)
         return code, path.read_text()
     finally:
         daemon.kill()

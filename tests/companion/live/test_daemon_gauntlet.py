@@ -36,7 +36,7 @@ def test_no_fault_over_the_stairs_makes_a_landing(tmp_path, record_property) -> 
         bench.vehicle.muted = True
         wait_for(lambda: bench.vehicle.play_s > LINK_LOST.end_s, "return of the link")
         bench.vehicle.muted = False
-        assert bench.vehicle.played.wait(30)
+        bench.wait_for_end()
         commands = [t for t, c in bench.vehicle.commands if c.command == 21]
         assert len(commands) == 1
         assert commands[0] > FLOOR_S

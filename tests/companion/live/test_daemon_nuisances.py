@@ -65,10 +65,10 @@ def test_junk_on_the_link_is_counted_and_changes_nothing(tmp_path) -> None:
         bench.play()
         pest = threading.Thread(target=pester)
         pest.start()
-        assert bench.vehicle.played.wait(30)
+        bench.wait_for_end()
         stop.set()
         pest.join()
-        time.sleep(1.2)
+        bench.go_on(1.2)
         assert len(bench.vehicle.land_commands()) == 1
         counters = bench.counters()
         rounds = sent["rounds"]
@@ -98,7 +98,7 @@ def test_pilot_switches_landing_on_and_off_by_radio(tmp_path) -> None:
         radio(1900, 3.4)
         wait_for(bench.vehicle.land_commands, "landing")
         radio(1000, 3.6)
-        assert bench.vehicle.played.wait(30)
+        bench.wait_for_end()
         assert len(bench.vehicle.land_commands()) == 1
         names = [e["event"] for e in bench.of("event") if e["event"].startswith("landing_")]
         assert names.index("landing_enabled") < names.index("landing_requested")

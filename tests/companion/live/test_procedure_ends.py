@@ -1,7 +1,7 @@
 """Everything that may end the landing procedure, over sockets and a real MAVSDK: no setpoint leaves after it.
 
 The ground is made up (all of it landable, seen perfectly); decision, permission, procedure, steering, link and MAVSDK
-are the real ones. Judged by the order of messages and by the vehicle's own time.
+are the real ones. Checked by the order of messages and by the vehicle's own time.
 """
 
 from collections.abc import Callable, Iterator

@@ -102,15 +102,16 @@ def test_a_running_daemon_keeps_the_password_to_itself(tmp_path):
         with Subscription(_reached(endpoint), "*") as watcher:
             wait_for(lambda: "camera_lost" in log.read_text(), "word of the absent camera")
             configuration = watcher.ask("vehicle1", "configuration")
-            while (delivery := watcher.receive(0.2)) is not None and len(heard) < 20:
+            while len(heard) < 3:
+                delivery = watcher.receive(60)
+                assert delivery is not None
                 heard.append(delivery.payload.decode(errors="replace"))
             assert configuration is not None
         assert json.loads(configuration)["camera"]["source"] == "rtsp://***@127.0.0.1:1/cam"
-        assert heard
         assert all(SECRET not in text for text in heard)
     finally:
         process.send_signal(signal.SIGTERM)
-        assert process.wait(15) == 0
+        assert process.wait(60) == 0
     assert "camera_lost" in log.read_text()
     assert SECRET not in log.read_text()
     recorded = [path for path in flights.rglob("*") if path.is_file()]
@@ -120,7 +121,7 @@ def test_a_running_daemon_keeps_the_password_to_itself(tmp_path):
 
 def _reached(endpoint: str) -> Endpoints:
     """The vehicle's own endpoint, once it listens."""
-    until = time.monotonic() + 20
+    until = time.monotonic() + 60
     while True:
         try:
             return _tried(Endpoints(mode="client", connect=(endpoint,)))

@@ -9,7 +9,7 @@ from places import REPOSITORY
 from drivers.bus import Bus, Endpoints
 
 TEMPLATE = REPOSITORY / "systemd" / "zenoh.json5"
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 
 
 def free_tcp_port() -> int:

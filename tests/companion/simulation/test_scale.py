@@ -7,7 +7,7 @@ from distributed import LocalCluster
 
 from companion import cli
 from companion.simulation import monte_carlo
-from companion.simulation.compare import comparison
+from companion.simulation.counting.compare import comparison
 from companion.simulation.monte_carlo import Run, fly_many
 from companion.simulation.result_table import ResultTable, read_rows
 

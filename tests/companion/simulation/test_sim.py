@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from companion.cli import main
 from companion.errors import LandslopeError, SettingsError
 from companion.simulation import simulation
+from companion.simulation.counting.shares import Share, wilson
 from companion.simulation.flight_result import FlightResult, in_words
 from companion.simulation.ground import patch, unsafe
 from companion.simulation.lockstep import LockstepOptions, fly
@@ -28,7 +29,6 @@ from companion.simulation.scenario import (
     read_scenario,
     to_toml,
 )
-from companion.simulation.shares import Share, wilson
 from companion.simulation.simulation import LiveOptions, fly_live
 from drivers.files.flight_folder import FlightFolder
 from drivers.samples import Frame
@@ -303,7 +303,7 @@ def test_the_ports_of_a_sitl_can_be_named(monkeypatch: pytest.MonkeyPatch) -> No
     asked: list[simulation.ArduPilot | None] = []
 
     def flown(scenario: Scenario, config: object, overrides: object, options: LiveOptions, _: object) -> None:
-        asked.append(options.ardupilot)
+        asked.append(options.autopilot)
         raise LandslopeError("flown")
 
     monkeypatch.setattr(simulation, "fly_live", flown)

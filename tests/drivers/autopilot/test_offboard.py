@@ -1,6 +1,6 @@
 """Setpoints through a real MAVSDK over a real socket to a simulated ArduCopter and PX4: what ends them, what is said.
 
-Judged by the order of messages on the link and by the vehicle's own time; one frame may be under way at any moment.
+Checked by the order of messages on the link and by the vehicle's own time; one frame may be under way at any moment.
 """
 
 import math
@@ -25,9 +25,11 @@ from drivers.simulated.vehicle.firmware import Firmware
 from drivers.simulated.vehicle.vehicle import Multirotor
 from landing.decision.procedure_options import OUR_MODES
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
 SPEED = (0.6, 0.0, 0.0)
+LEASE_S = 30.0
+"""No test that flies ends by the lease, on a busy machine either."""
 SETPOINT_ID = mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED.to_bytes(3, "little")
 CONTROL = {"ardupilot": "GUIDED", "px4": "OFFBOARD"}
 
@@ -87,7 +89,7 @@ class Bench:
         self.wait(lambda: self.vehicle.time_s >= until_s, "vehicle's time")
 
     def fly(self, given_in: str) -> None:
-        assert self.offboard.start(given_in, 0.0, 2.0, 5.0).result == "ACCEPTED"
+        assert self.offboard.start(given_in, 0.0, 2.0, LEASE_S).result == "ACCEPTED"
         assert self.offboard.velocity(SPEED)
         self.wait(lambda: self.vehicle.vehicle.velocity[0] > 0.4, "motion")
         self.log.clear()
@@ -237,11 +239,13 @@ def test_the_daemons_death_is_the_autopilots_time_out(firmware: Firmware, act: i
             os.kill(daemon.pid, signal.SIGKILL)
             daemon.wait()
         killed_s = vehicle.time_s
+        while vehicle.time_s < killed_s + 0.5:
+            time.sleep(0.01)
+        received = len(vehicle.protocol.setpoints)
         vehicle.speed, vehicle._pace = 4.0, (time.monotonic(), vehicle.time_s)
         while vehicle.time_s < killed_s + (5.0 if act is None else 2.0):
             time.sleep(0.05)
-        last_s = max(t for t, _, _ in vehicle.protocol.setpoints)
-        assert last_s <= killed_s + 0.2, "the system's buffers are empty soon"
+        assert len(vehicle.protocol.setpoints) == received, "the system's buffers were empty soon"
         assert vehicle.controller.mode == mode
         if act in (None, 5):
             assert math.hypot(*vehicle.vehicle.velocity) < 0.2

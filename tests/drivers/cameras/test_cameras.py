@@ -24,8 +24,8 @@ from drivers.errors import DriverError
 from drivers.samples import Frame, Refusal
 from drivers.system.host_clock import now_us
 
-QUICK = ReaderLimits(open_timeout_s=2.0, read_timeout_s=0.4, first_retry_s=0.05, longest_retry_s=0.2)
-PATIENCE_S = 20.0
+QUICK = ReaderLimits(open_timeout_s=20.0, read_timeout_s=1.0, first_retry_s=0.05, longest_retry_s=0.2)
+PATIENCE_S = 60.0
 
 
 def collect(camera: Camera, count: int) -> list[Frame]:
@@ -77,12 +77,13 @@ class ScriptedGrabber:
 
 
 def test_http_stream_comes_at_its_pace_and_back_after_silence_and_a_cut():
+    began_us = now_us()
     with MjpegServer(moving()) as server, open_camera(server.url, limits=QUICK) as camera:
         frames = collect(camera, 20)
         assert frames[0].image.shape == (120, 160)
         assert frames[0].image.dtype == np.uint8
         assert all(b.stamp_us > a.stamp_us for a, b in pairwise(frames))
-        assert abs(now_us() - frames[-1].stamp_us) < 2_000_000
+        assert began_us <= frames[0].stamp_us <= frames[-1].stamp_us <= now_us()
         server.pause.set()
         await_state(camera, "lost")
         assert "no frame" in camera.status().problem or "stopped" in camera.status().problem
@@ -101,11 +102,13 @@ def test_http_stream_comes_at_its_pace_and_back_after_silence_and_a_cut():
 def test_slow_consumer_gets_the_newest_frame_and_the_rest_is_counted():
     with MjpegServer(moving(), rate_hz=60) as server, open_camera(server.url, limits=QUICK) as camera:
         collect(camera, 3)
-        time.sleep(0.6)
-        late = [s for s in camera.take() if isinstance(s, Frame)]
-        assert len(late) == 1
-        assert now_us() - late[0].arrival_us < 400_000
-        assert camera.status().skipped > 5
+        until = time.monotonic() + PATIENCE_S
+        while camera.status().skipped <= 5 and time.monotonic() < until:
+            time.sleep(0.02)
+        skipped, grabbed = camera.status().skipped, camera.status().grabbed
+        (late,) = (s for s in camera.take() if isinstance(s, Frame))
+        assert skipped > 5
+        assert late.number >= grabbed - 1, "the newest"
         assert adds_up(camera)
 
 
@@ -189,8 +192,10 @@ def test_readers_that_all_hang_do_not_pile_up_and_closing_waits_for_none():
         open_timeout_s=0.1, read_timeout_s=0.1, first_retry_s=0.01, longest_retry_s=0.01, max_hanging_reads=2
     )
     camera = ReaderCamera("test", make, limits)
-    await_state(camera, "lost")
-    time.sleep(1.0)  # a hundred times longer than it takes to try again
+    until = time.monotonic() + PATIENCE_S
+    while camera.status().hanging_reads < 2 and time.monotonic() < until:
+        time.sleep(0.02)
+    time.sleep(0.5)  # fifty times longer than it takes to try again
     assert len(started) == 2
     assert camera.status().state == "lost"
     camera.close()
@@ -328,7 +333,7 @@ def test_the_command_ends_well_while_a_read_hangs():
             [sys.executable, "-m", "companion.cli", *words],
             capture_output=True,
             text=True,
-            timeout=40,
+            timeout=120,
             check=False,
         )
     assert done.returncode == 2, done.stderr

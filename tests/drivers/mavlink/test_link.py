@@ -62,7 +62,7 @@ def test_a_wrong_checksum_is_refused(bench) -> None:
         assert not b.of(Attitude)
 
 
-def test_second_sender_with_the_vehicles_ids_is_refused_and_told_once(bench) -> None:
+def test_second_sender_with_the_vehicles_ids_is_refused_and_reported_once(bench) -> None:
     b = bench()
     with TestVehicle(b.port) as vehicle:
         wait_for(b.link.vehicle_found.is_set, "vehicle")
@@ -73,7 +73,7 @@ def test_second_sender_with_the_vehicles_ids_is_refused_and_told_once(bench) -> 
                 time.sleep(0.01)
             wait_for(lambda: len(b.of(Attitude)) == 20, "attitudes")
         assert all(a.roll == 0 for a in b.of(Attitude))
-        assert len(b.refusals("second_sender")) >= 20
+        wait_for(lambda: len(b.refusals("second_sender")) >= 20, "refusals")
         assert b.event_names().count("mavlink_refused") == 1
 
 
@@ -178,12 +178,13 @@ def test_timesync_trips_become_offsets_and_those_of_others_do_not(bench) -> None
     b = bench()
     with TestVehicle(b.port) as vehicle:
         wait_for(lambda: len(b.of(ClockOffset)) >= 3, "offsets")
-        offsets = b.of(ClockOffset)
-        boot_now = vehicle.boot_us()
         from drivers.system.host_clock import now_us
 
-        true_offset = now_us() - boot_now
-        assert min(abs(o.offset_us - true_offset) for o in offsets) < 20_000
+        # the smallest delay between the two readings comes closest
+        true_offset = max(now_us() - vehicle.boot_us() for _ in range(50))
+        wait_for(
+            lambda: any(abs(o.offset_us - true_offset) < 20_000 for o in b.of(ClockOffset)), "right offset"
+        )
         count = b.link.counters["answers to others"]
         vehicle.send(dialect.MAVLink_timesync_message(5, 12345))
         wait_for(lambda: b.link.counters["answers to others"] > count, "count")
@@ -236,7 +237,8 @@ def test_signed_link_drops_unsigned_forged_and_replayed_frames(bench) -> None:
         vehicle.send_bytes(Signer(bytes(32), link_id=3).sign(bytes(attitude(1).pack(mav))))
         wait_for(lambda: b.refusals("unsigned") and b.refusals("wrong_signature"), "refusals")
         old = signer.sign(bytes(attitude(1).pack(mav)))
-        time.sleep(0.3)  # heartbeats move on
+        beats = len(b.of(Heartbeat))
+        wait_for(lambda: len(b.of(Heartbeat)) > beats, "newer heartbeat")
         vehicle.send_bytes(old)
         wait_for(lambda: b.refusals("replayed"), "refusal")
         vehicle.send(attitude(7))

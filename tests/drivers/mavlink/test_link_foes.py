@@ -6,7 +6,7 @@ import time
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
-from vehicle_support import LinkBench, TestVehicle, attitude, free_udp_port, link_bench, wait_for
+from vehicle_support import PATIENCE_S, LinkBench, TestVehicle, attitude, free_udp_port, link_bench, wait_for
 
 from companion.errors import LandslopeError
 from companion.settings.link_options import link_options
@@ -164,7 +164,7 @@ def test_a_forwarded_program_cannot_speak_in_our_name(bench):
     port = free_udp_port()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
         station.bind(("127.0.0.1", port))
-        station.settimeout(10)
+        station.settimeout(PATIENCE_S)
         b: LinkBench = bench(forward=(f"udpout:127.0.0.1:{port}",))
         with TestVehicle(b.port) as vehicle:
             wait_for(b.link.vehicle_found.is_set, "vehicle")

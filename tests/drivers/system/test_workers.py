@@ -13,9 +13,9 @@ from places import REPOSITORY
 
 from drivers.system.workers import worker_pool
 
-END_S = 2.0
-BUSY = 5.0
-"""A machine that is busy takes this many times as long."""
+PATIENCE_S = 60.0
+"""For everything that must come; the workers would otherwise sleep for much longer."""
+SLEEP_S = 600
 FLIGHTS = [str(REPOSITORY / "sitl_logs" / name) for name in ("stairs_a", "rubble_a")]
 
 
@@ -33,8 +33,8 @@ def session_of(leader: int) -> list[int]:
     return found
 
 
-def eventually(condition: Callable[[], object], seconds: float) -> bool:
-    until = time.monotonic() + seconds
+def eventually(condition: Callable[[], object]) -> bool:
+    until = time.monotonic() + PATIENCE_S
     while not condition():
         if time.monotonic() > until:
             return False
@@ -63,15 +63,13 @@ def test_ctrl_c_ends_a_long_command_and_leaves_no_worker(tmp_path, words):
         env=os.environ | {"PYTHONPATH": str(REPOSITORY)},
     )
     try:
-        assert eventually(lambda: len(session_of(process.pid)) >= 4, 30), process.communicate()[0]
+        assert eventually(lambda: len(session_of(process.pid)) >= 4), process.communicate()[0]
         time.sleep(0.5)
-        asked = time.monotonic()
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does
-        said, _ = process.communicate(timeout=END_S * BUSY)
-        assert time.monotonic() - asked < END_S * BUSY
+        said, _ = process.communicate(timeout=PATIENCE_S)
         assert process.returncode == 130
         assert "Traceback" not in said, said
-        assert eventually(lambda: not session_of(process.pid), END_S * BUSY), session_of(process.pid)
+        assert eventually(lambda: not session_of(process.pid)), session_of(process.pid)
     finally:
         for left in session_of(process.pid):
             os.kill(left, signal.SIGKILL)
@@ -80,7 +78,7 @@ def test_ctrl_c_ends_a_long_command_and_leaves_no_worker(tmp_path, words):
 
 def failing() -> None:
     with worker_pool(1) as pool:
-        pool.submit(time.sleep, 60)
+        pool.submit(time.sleep, SLEEP_S)
         time.sleep(0.3)
         raise ZeroDivisionError
 
@@ -89,7 +87,7 @@ def test_an_error_ends_the_workers_without_waiting_for_them():
     started = time.monotonic()
     with pytest.raises(ZeroDivisionError):
         failing()
-    assert time.monotonic() - started < END_S * BUSY
+    assert time.monotonic() - started < SLEEP_S
 
 
 PARENT = """
@@ -98,8 +96,8 @@ from drivers.system.workers import worker_pool
 if __name__ == "__main__":
     with worker_pool(1) as pool:
         print(pool.submit(__import__("os").getpid).result(), flush=True)
-        pool.submit(time.sleep, 60)
-        time.sleep(60)
+        pool.submit(time.sleep, 600)
+        time.sleep(600)
 """
 
 
@@ -116,4 +114,4 @@ def test_workers_die_with_a_parent_that_is_killed(tmp_path):
     worker = int(process.stdout.readline())
     process.kill()
     process.wait()
-    assert eventually(lambda: worker not in session_of(process.pid), END_S * BUSY)
+    assert eventually(lambda: worker not in session_of(process.pid))

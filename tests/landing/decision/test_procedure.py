@@ -8,7 +8,14 @@ import pytest
 from landing.decision.guidance import ACCELERATION, Descent, Shaper, Spiral, towards
 from landing.decision.orders import WORDS, Inputs, OrderKind, State, Why
 from landing.decision.procedure import Procedure
-from landing.decision.procedure_options import LIMIT_S, LOOK_LEAST_S, TRIES, UNKNOWN_S, ProcedureOptions
+from landing.decision.procedure_options import (
+    LIMIT_S,
+    LOOK_LEAST_S,
+    LOWEST_LOOK_M,
+    TRIES,
+    UNKNOWN_S,
+    ProcedureOptions,
+)
 from landing.decision.targeting import Targeting
 from landing.decision.withheld import Withheld
 from landing.ground.spots import HAZARD, LANDABLE, UNKNOWN, Disc, Spot
@@ -154,11 +161,25 @@ def test_it_looks_sideways_within_its_radius_until_the_ground_is_known():
         flight.step()
         farthest = max(farthest, abs(flight.place[1]))
         assert abs(flight.place[0]) < 0.1
-    assert 1.5 < farthest < 3.0
-    assert flight.until(State.GIVE_BACK, 10).why is Why.LOOKED_IN_VAIN
+    assert 1.2 < farthest < 1.7
+    blind = Flight(spot=None)
+    blind.now |= {"below": DARK, "height_m": math.nan}
+    blind.until(State.LOOK)
+    assert blind.until(State.GIVE_BACK, LIMIT_S[State.LOOK] + 1).why is Why.LOOKED_IN_VAIN
     seen = Flight()
     seen.until(State.CHOOSE)
     assert seen.time_s > LOOK_LEAST_S
+
+
+def test_unknown_ground_is_looked_at_from_lower_down_and_then_searched():
+    flight = Flight(spot=None)
+    flight.now["below"] = DARK
+    flight.until(State.LOOK)
+    while (step := flight.step()).state is State.LOOK:
+        lowest = -flight.place[2]
+        assert step.why is not Why.TOO_HIGH or step.order.velocity_ned[2] >= 0
+    assert LOWEST_LOOK_M - 0.3 < lowest < LOWEST_LOOK_M + 0.1
+    assert flight.until(State.SEARCH).why is Why.NO_SPOT
 
 
 def test_after_a_place_far_out_turned_out_unfit_it_looks_within_the_reach_of_the_search():
@@ -172,7 +193,7 @@ def test_after_a_place_far_out_turned_out_unfit_it_looks_within_the_reach_of_the
         farthest = max(farthest, math.hypot(*flight.place[:2]))
     assert begun > 2.0
     assert farthest < begun + 0.5
-    assert flight.machine.why is Why.LOOKED_IN_VAIN
+    assert flight.machine.why is Why.CHOOSING
 
 
 def test_too_low_to_see_a_disc_it_climbs():

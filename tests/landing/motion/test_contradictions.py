@@ -66,7 +66,7 @@ def test_each_comparison_fails_alone_and_holds_again():
         ({"rotation": (60.0, 3)}, Status.ROTATION_CONTRADICTS),
         ({"velocity": 20.0}, Status.VELOCITY_CONTRADICTS),
     ):
-        comparisons = Contradictions(0.1)
+        comparisons = Contradictions()
         assert run(comparisons, 3, (3.0, 3), 1.0) == ()
         assert run(comparisons, 3, **({"rotation": (3.0, 3), "velocity": 1.0} | options), start_s=3) == (
             status,
@@ -75,34 +75,44 @@ def test_each_comparison_fails_alone_and_holds_again():
 
 
 def test_one_wild_frame_is_no_contradiction():
-    comparisons = Contradictions(0.1)
+    comparisons = Contradictions()
     run(comparisons, 2, (3.0, 3), 1.0)
     comparisons.step(2.0, (100.0, 3), 50.0, 0.0, 0.002)
     assert comparisons.failing == ()
 
 
 def test_few_comparisons_do_not_fail():
-    assert run(Contradictions(0.1), 0.2, (60.0, 3)) == ()
+    assert run(Contradictions(), 0.2, (60.0, 3)) == ()
 
 
 def test_a_contradiction_stays_while_nothing_can_be_compared():
-    comparisons = Contradictions(0.1)
+    comparisons = Contradictions()
     run(comparisons, 2, (60.0, 3))
     assert run(comparisons, 20, start_s=2) == (Status.ROTATION_CONTRADICTS,)
 
 
 @pytest.mark.parametrize(("late_s", "fails"), [(0.0, False), (0.02, False), (0.06, True), (-0.06, True)])
 def test_a_lateness_that_changes_contradicts(late_s, fails):
-    comparisons = Contradictions(0.1)
+    comparisons = Contradictions()
     assert run(comparisons, 3) == ()
     assert run(comparisons, 3, late_s=late_s, start_s=3) == ((Status.LATENESS_CONTRADICTS,) if fails else ())
 
 
 def test_a_lateness_at_the_bound_of_the_search_is_only_a_least():
-    assert run(Contradictions(0.1), 1, late_s=0.0999, late_std_s=0.001) == (Status.LATENESS_CONTRADICTS,)
+    comparisons = Contradictions()
+    comparisons.step(0.0, NONE, math.nan, 0.0999, 0.01, late_at_bound=True)
+    assert comparisons.failing == (Status.LATENESS_CONTRADICTS,)
+
+
+def test_a_lateness_found_elsewhere_at_first_is_no_change_and_the_comparisons_begin_anew():
+    comparisons = Contradictions()
+    assert run(comparisons, 3, rotation=(60.0, 3)) == (Status.ROTATION_CONTRADICTS,)
+    comparisons.began_elsewhere()
+    assert comparisons.failing == ()
+    assert run(comparisons, 3, late_s=0.3, start_s=3) == ()
 
 
 def test_a_lateness_found_at_first_is_no_change():
-    comparisons = Contradictions(0.1)
+    comparisons = Contradictions()
     assert run(comparisons, 1, late_s=0.0, late_std_s=0.01) == ()
     assert run(comparisons, 5, late_s=0.07, late_std_s=0.002, start_s=1) == ()

@@ -91,6 +91,8 @@ def test_a_lateness_that_is_known_is_left_alone():
 class Seen:
     """As much of ``Views`` as the lateness asks for."""
 
+    ned_from_camera = None
+
     def __init__(self, time_s: float, change=(0.5, 0.2, 0.0)):
         self.newest = self
         self.time_s, self.change = time_s, np.array(change)
@@ -113,6 +115,51 @@ def test_one_wrong_fit_moves_what_many_have_shown_by_little():
     assert late_s == pytest.approx(0.005, rel=0.05)
     found.step(Seen(100 / RATE_HZ), plane_of(Seen(0).change * 0.2))
     assert 0 < found.late_s - late_s < 2 * std_s
+
+
+def rocking(t: float):
+    """Attitude and body rates of a vehicle in gusts: swings of several periods, so that no shift looks like another."""
+
+    def attitude(at: float):
+        roll = 0.06 * math.sin(4.4 * at) + 0.04 * math.sin(7.1 * at + 1)
+        pitch = 0.06 * math.cos(3.3 * at) + 0.03 * math.sin(9.7 * at)
+        return matrix_from_euler(roll, pitch, 0.05 * math.sin(2 * at))
+
+    return attitude(t), log_so3(attitude(t - 1e-4).T @ attitude(t + 1e-4)) / 2e-4
+
+
+@pytest.mark.parametrize("late_s", [0.15, 0.3, 0.45])
+def test_a_network_camera_is_found_by_the_coarse_search(late_s: float):
+    found, views, planes = flown(rocking, late_s, frames=130)
+    assert found.confirmed
+    assert found.late_s == pytest.approx(late_s, abs=max(4 * found.std_s, 1e-3))
+    assert found.std_s < 0.003
+    assert not found.at_bound
+    assert planes[-1].status == "ok"
+    true = rocking(views.newest.time_s - late_s)[0] @ views.camera.body_from_camera
+    assert np.linalg.norm(log_so3(true.T @ views.newest.ned_from_camera)) < 2e-3
+
+
+def test_a_lateness_beyond_the_search_is_at_least_so_much_or_none():
+    found, _, _ = flown(rocking, 0.75, frames=110)
+    assert found.at_bound or not found.confirmed
+    if found.at_bound:
+        assert found.std_s == pytest.approx(STD_S, rel=0.01)
+
+
+def test_the_coarse_search_leaves_a_camera_that_is_in_time_alone():
+    found, _, _ = flown(rocking, 0.01, frames=100)
+    assert found.confirmed
+    assert found.late_s == pytest.approx(0.01, abs=max(4 * found.std_s, 1e-4))
+
+
+def test_at_the_bound_the_doubt_does_not_shrink():
+    found = TimeOffsetFilter(0.01, 0.0, 7e-4)
+    for k in range(300):
+        found.step(Seen(k / RATE_HZ), plane_of(Seen(0).change * 0.5))
+    assert found.at_bound
+    assert found.late_s == pytest.approx(0.1)
+    assert found.std_s == pytest.approx(0.01)
 
 
 @pytest.mark.parametrize("error", [(math.nan, 0, 0), (math.inf, 0, 0)])

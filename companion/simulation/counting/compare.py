@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from companion.simulation.shares import wilson
+from companion.simulation.counting.shares import wilson
 
 Row = dict[str, Any]
 GRAVITY = {"crashed": 4, "unsafe": 3, "view": 2, "missed": 1}
