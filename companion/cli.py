@@ -21,7 +21,7 @@ def usage() -> str:
     return (
         "usage: landslope COMMAND ...\n\n"
         + "\n".join(lines)
-        + "\n\n'landslope COMMAND --help' tells more, 'landslope --version' which one this is."
+        + "\n\n'landslope COMMAND --help' shows more, 'landslope --version' which one this is."
     )
 
 

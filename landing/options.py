@@ -184,9 +184,6 @@ class EstimatorOptions:
     border_side_sigmas: Annotated[
         float, Limits(1, 20, "sigma", "the same of a whole side, from which nothing is called flat")
     ] = 5.0
-    border_kept_px: Annotated[
-        float, Limits(0, 100, "px", "motion over which nothing is called flat after something stood out")
-    ] = 10.0
     border_noise: Annotated[
         float, Limits(0.5, 10, "", "error of a block's height over what its pixels say")
     ] = 0.9

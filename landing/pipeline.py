@@ -72,9 +72,10 @@ class SurfacePipeline:
         )
         tracking = options.tracking
         self.relief = ReliefMap(options.estimator, camera, tracking.max_features, tracking.window_px / 2)
-        self.border = Border(options.estimator, camera)
+        measured_px = options.ground.baseline * camera.width
+        self.border = Border(options.estimator, camera, measured_px)
         self.drop_off = DropOff(options.estimator, camera)
-        self.appearance = AppearanceChange(options.estimator, camera)
+        self.appearance = AppearanceChange(options.estimator, camera, measured_px)
         self.ground = Ground(options.ground, camera)
         e = options.estimator
         self.time_offset = TimeOffsetFilter(
@@ -216,7 +217,9 @@ class SurfacePipeline:
             relief_ = self._with_border(relief_, plane)
             rough_border = relief_ is not within
             suspicious = self._suspicious(relief_)
-            appearance_change = self.appearance.step(observation.image, self.border.incoming)
+            appearance_change = self.appearance.step(
+                observation.image, self.border.incoming, self.border.moved_px
+            )
         unsettled, self._border_was_rough = rough_border and not self._border_was_rough, rough_border
         known: dict[str, Any] = {}
         if math.isfinite(plane.divergence):

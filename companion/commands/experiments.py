@@ -14,7 +14,10 @@ from companion.errors import LandslopeError
 from companion.experiments import flatness, handheld, slopes, stairs, zoom
 from companion.experiments.measure import METHODS, Job, Outcome
 from companion.experiments.report import Section, new_figure, write_report
-from drivers.system.workers import worker_pool
+from drivers.system.pools import Pool, dask, each, processes
+
+AHEAD = 4
+"""Sequences handed to each worker in advance."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,6 +30,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--seed", type=int, default=1, help="seed of textures, noise and motion (1)")
     parser.add_argument("--jobs", type=int, default=2, help="processes (2)")
+    parser.add_argument(
+        "--dask",
+        metavar="ADDRESS",
+        help="on the workers of this Dask scheduler, --jobs of them (needs the extra 'scale')",
+    )
     parser.add_argument("--images", type=Path, help="a folder of numbered zoom images to measure as well")
     parser.add_argument(
         "--images-tau", type=float, default=100.0, help="frames to contact of the image numbered 0 (100)"
@@ -36,8 +44,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run all experiments and write the report."""
-    if not 1 <= args.jobs <= 64:
-        raise LandslopeError(f"--jobs must lie between 1 and 64, got {args.jobs}")
+    most = 64 if args.dask is None else 10_000
+    if not 1 <= args.jobs <= most:
+        raise LandslopeError(f"--jobs must lie between 1 and {most}, got {args.jobs}")
     if args.images is not None and not args.images.is_dir():
         raise LandslopeError(f"--images: {args.images} is not a folder")
     if args.images_focal <= 0 or args.images_tau <= zoom.LAST_TAU:
@@ -55,7 +64,8 @@ def run(args: argparse.Namespace) -> int:
     if args.images is not None:
         images = {"directory": str(args.images), "focal_px": args.images_focal, "tau": args.images_tau}
         groups["images"] = [Job(zoom.folder, images)]
-    results = run_jobs(groups, args.jobs)
+    pool = processes(args.jobs) if args.dask is None else dask(args.dask)
+    results = run_jobs(groups, pool, args.jobs)
     sections: list[Section] = [
         zoom.section(results["zoom"], args.out, "Fig. 4: time to contact on zooms", "fig4.png"),
         slopes.section(results["slopes"], args.out),
@@ -76,17 +86,22 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def run_jobs(groups: dict[str, list[Job]], processes: int) -> dict[str, list[Outcome]]:
-    """All jobs of all groups, several at a time; the outcomes in the order of the jobs."""
-    jobs = [job for group in groups.values() for job in group]
-    outcomes: list[Outcome] = []
-    with worker_pool(processes, cv2.setNumThreads, (1,)) as pool:
-        futures = [pool.submit(job) for job in jobs]
-        for future in futures:
-            outcomes.append(future.result())
-            if sys.stderr.isatty():
-                print(f"\r{len(outcomes)} of {len(jobs)} sequences", end="", file=sys.stderr, flush=True)
+def run_jobs(groups: dict[str, list[Job]], pool: Pool, workers: int) -> dict[str, list[Outcome]]:
+    """All jobs of all groups, several at a time; the outcomes in the order of the jobs. The first error ends them."""
+    numbered = list(enumerate(job for group in groups.values() for job in group))
+    outcomes: dict[int, Outcome] = {}
+    for (number, _), outcome in each(pool, _work, numbered, AHEAD * workers):
+        if isinstance(outcome, BaseException):
+            raise outcome
+        outcomes[number] = outcome
+        if sys.stderr.isatty():
+            print(f"\r{len(outcomes)} of {len(numbered)} sequences", end="", file=sys.stderr, flush=True)
     if sys.stderr.isatty():
         print(file=sys.stderr)
-    found = iter(outcomes)
+    found = (outcomes[number] for number, _ in numbered)
     return {name: [next(found) for _ in group] for name, group in groups.items()}
+
+
+def _work(numbered: tuple[int, Job]) -> Outcome:
+    cv2.setNumThreads(1)
+    return numbered[1]()

@@ -10,6 +10,7 @@ from companion.install.install import (
     SETTINGS_DIRECTORY,
     InstallOptions,
     check_rights,
+    command_on_path,
     install_steps,
     uninstall_steps,
 )
@@ -61,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
     if not args.uninstall:
         print(
             f"\nnext: edit {SETTINGS_DIRECTORY / 'landslope.toml'}, then\n"
-            f"  {args.prefix / 'bin' / 'landslope'} doctor --config {SETTINGS_DIRECTORY / 'landslope.toml'}\n"
+            f"  {command_on_path(options)} doctor --config {SETTINGS_DIRECTORY / 'landslope.toml'}\n"
             "  systemctl start landslope\n"
             "users who may read flights: usermod -aG landslope USER"
         )

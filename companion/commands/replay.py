@@ -6,34 +6,27 @@ in it.
 """
 
 import argparse
-import multiprocessing
-import os
 import sys
-from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from companion.errors import LandslopeError
 from companion.replay.output import check_writable, names_of, outputs_for
-from drivers.errors import DriverError
+from drivers.files.remote_folder import folders_with, is_remote
 from drivers.files.video_writer import check_video_name
-from drivers.system.workers import worker_pool
-from landing.errors import LandingError
 
 if TYPE_CHECKING:
-    from companion.replay.replay import Progress, ReplayJob
-
-POLL_S = 0.2
-ERRORS = (LandslopeError, DriverError, LandingError)
+    from companion.replay.replay import ReplayJob
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The command's arguments."""
     parser.add_argument(
-        "flights", nargs="+", type=Path, metavar="FLIGHT", help="flight folder, video or image folder"
+        "flights",
+        nargs="*",
+        metavar="FLIGHT",
+        help="flight folder, video or image folder; an address of fsspec, as s3://bucket/flights",
     )
     files = parser.add_argument_group("what is written")
     files.add_argument("--out", metavar="FILE.jsonl", help="one estimate a frame")
@@ -75,6 +68,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         dest="overrides",
         help="override a setting",
     )
+    many = parser.add_argument_group("many flights")
+    many.add_argument("--list", type=Path, metavar="FILE", help="a text file with one FLIGHT a line")
+    many.add_argument("--jobs", type=_count, metavar="N", help="processes (default: one a processor)")
+    many.add_argument(
+        "--dask",
+        metavar="ADDRESS",
+        help="replay on the workers of this Dask scheduler (needs the extra 'scale')",
+    )
+    many.add_argument(
+        "--table",
+        type=Path,
+        metavar="FOLDER.parquet",
+        help="a row a flight, written as they end; taken up again where it was cut off",
+    )
     plain = parser.add_argument_group("plain videos and image folders")
     plain.add_argument("--fps", type=_positive, help="frames a second (default: the file's own, else 30)")
     camera = plain.add_mutually_exclusive_group()
@@ -86,30 +93,66 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Replay the flights; 0, or 2 when one of them could not be."""
     jobs = _jobs(args)
-    with _progress_bars(jobs) as bars:
-        results = _in_parallel(jobs, bars) if len(jobs) > 1 else [_summary_of(jobs[0], bars(jobs[0]))]
-    for text, failed in results:
-        print(text, file=sys.stderr if failed else sys.stdout)
-    return 2 if any(failed for _, failed in results) else 0
+    if args.table is not None:
+        return _into_table(args, jobs)
+    if len(jobs) == 1 and args.dask is None:
+        from companion.replay.many import replay_one
+        from companion.replay.workers import progress_bars
+
+        with progress_bars(jobs) as bars:
+            results = [replay_one(jobs[0], bars(jobs[0]))]
+    else:
+        from companion.replay.workers import in_parallel
+
+        found = {job.name: result for job, result in in_parallel(jobs, args.jobs, args.dask)}
+        results = [found[job.name] for job in jobs]
+    for result in results:
+        print(result.text, file=sys.stderr if result.failed else sys.stdout)
+    return 2 if any(result.failed for result in results) else 0
+
+
+def _into_table(args: argparse.Namespace, jobs: "list[ReplayJob]") -> int:
+    """A row a flight; those that failed are named, the others are counted."""
+    from companion.replay.many import FlightTable
+    from companion.replay.workers import in_parallel
+
+    started, failures, flown_s = time.monotonic(), 0, 0.0
+    with FlightTable(args.table, jobs[0]) as table:
+        left = table.left(jobs)
+        for _, result in in_parallel(left, args.jobs, args.dask):
+            table.add(result.row)
+            flown_s += result.row.seconds
+            if result.failed:
+                failures += 1
+                print(result.text, file=sys.stderr)
+    took_s = max(time.monotonic() - started, 1e-3)
+    before = f", {len(jobs) - len(left)} were there" if len(left) < len(jobs) else ""
+    rates = f"{len(left) / took_s:.2f} flights a second, {flown_s / took_s:.1f} times real time"
+    print(
+        f"{len(left)} flights in {took_s:.0f} s ({rates}){before}; "
+        f"{failures} could not be replayed: {args.table}"
+    )
+    return 2 if failures else 0
 
 
 def _jobs(args: argparse.Namespace) -> "list[ReplayJob]":
     """One job a flight, with everything checked that can be before the run."""
     from companion.replay.replay import ReplayJob
-    from companion.replay.source import PlainCamera, flights_in
+    from companion.replay.source import FLIGHT_FILES, PlainCamera, flights_in
 
     if args.plot:
         from companion.replay.plot import require_matplotlib
 
         require_matplotlib()
-    flights = []
-    for flight in args.flights:
-        if not flight.exists():
-            raise LandslopeError(
-                f"{flight}: there is no such flight; give a flight folder, a video or an image folder"
-            )
-        flights += flights_in(flight)
+    flights: list[Path] = []
+    addresses: list[str] = []
+    for word in _words(args):
+        for found in folders_with(word, FLIGHT_FILES) if is_remote(word) else flights_in(_present(word)):
+            flights.append(Path(found.partition("://")[2]) if isinstance(found, str) else found)
+            addresses.append(found if isinstance(found, str) else "")
     several = len(flights) > 1
+    if args.dask is not None and (args.connect or args.publish):
+        raise LandslopeError("--dask replays elsewhere: without --connect and --publish")
     if args.connect and several:
         raise LandslopeError("--connect rehearses one flight at a time: give one FLIGHT")
     if args.enable_from_rc and args.enable_after is not None:
@@ -130,8 +173,9 @@ def _jobs(args: argparse.Namespace) -> "list[ReplayJob]":
     return [
         ReplayJob(
             name=name,
-            path=flight,
-            config=args.config,
+            path=flight if address else flight.absolute(),
+            address=address,
+            config=None if args.config is None else args.config.absolute(),
             overrides=tuple(overrides),
             plain=plain,
             outputs=files,
@@ -141,72 +185,30 @@ def _jobs(args: argparse.Namespace) -> "list[ReplayJob]":
             enable_from_rc=args.enable_from_rc,
             connect=args.connect,
         )
-        for name, flight, files in zip(names, flights, outputs, strict=True)
+        for name, flight, address, files in zip(names, flights, addresses, outputs, strict=True)
     ]
 
 
-def _summary_of(job: "ReplayJob", progress: "Progress") -> tuple[str, bool]:
-    """The summary, or the error as one line; and whether it is an error."""
-    from companion.replay.replay import replay
-
-    try:
-        return replay(job, progress), False
-    except ERRORS as error:
-        return f"landslope replay: {job.name}: {error}", True
-    except OSError as error:
-        return f"landslope replay: {job.name}: {error.filename or 'a file'}: {error.strerror}", True
-
-
-_reports: Any = None
-"""In a worker process: the queue to the one that draws the progress."""
+def _words(args: argparse.Namespace) -> list[str]:
+    """The flights as they were named, on the line and in the list."""
+    words = list(args.flights)
+    if args.list is not None:
+        try:
+            lines = args.list.read_text(encoding="utf-8", errors="surrogateescape").splitlines()
+        except OSError as error:
+            raise LandslopeError(f"--list {args.list}: cannot be read: {error.strerror}") from None
+        words += [line.strip() for line in lines if line.strip() and not line.startswith("#")]
+    if not words:
+        raise LandslopeError("no flight: give a FLIGHT, or --list FILE with one a line")
+    return words
 
 
-def _start_worker(queue: Any) -> None:
-    global _reports
-    _reports = queue
-
-
-def _work(job: "ReplayJob") -> tuple[str, bool]:
-    return _summary_of(job, lambda done, total: _reports.put((job.name, done, total)))
-
-
-def _in_parallel(jobs: "Sequence[ReplayJob]", bars: "Any") -> list[tuple[str, bool]]:
-    context = multiprocessing.get_context("spawn")
-    updates = {job.name: bars(job) for job in jobs}
-    with context.Manager() as manager:
-        queue = manager.Queue()
-        workers = min(len(jobs), os.cpu_count() or 1)
-        with worker_pool(workers, _start_worker, (queue,)) as pool:
-            futures = [pool.submit(_work, job) for job in jobs]
-            pending: set[Future[tuple[str, bool]]] = set(futures)
-            while pending:
-                pending = wait(pending, timeout=POLL_S).not_done
-                while not queue.empty():
-                    name, done, total = queue.get()
-                    updates[name](done, total)
-            return [_result(job, future) for job, future in zip(jobs, futures, strict=True)]
-
-
-def _result(job: "ReplayJob", future: "Future[tuple[str, bool]]") -> tuple[str, bool]:
-    try:
-        return future.result()
-    except BrokenProcessPool:
-        return f"landslope replay: {job.name}: its process died (out of memory?); replay it on its own", True
-
-
-@contextmanager
-def _progress_bars(jobs: "Sequence[ReplayJob]") -> Iterator[Any]:
-    """A function that gives each job its progress report: a bar on a terminal, nothing elsewhere."""
-    if not sys.stderr.isatty():
-        yield lambda job: lambda done, total: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
-    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
-        tasks = {job.name: shown.add_task(job.name, total=None) for job in jobs}
-        yield lambda job: lambda done, total: shown.update(tasks[job.name], completed=done, total=total)
+def _present(word: str) -> Path:
+    if not Path(word).exists():
+        raise LandslopeError(
+            f"{word}: there is no such flight; give a flight folder, a video or an image folder"
+        )
+    return Path(word)
 
 
 def _number(text: str, low: float, high: float, what: str) -> float:
@@ -217,6 +219,10 @@ def _number(text: str, low: float, high: float, what: str) -> float:
     if not low <= value <= high:
         raise argparse.ArgumentTypeError(f"'{text}' is not {what} of {low:g} to {high:g}")
     return value
+
+
+def _count(text: str) -> int:
+    return int(_number(text, 1, 10_000, "a number of processes"))
 
 
 def _seconds(text: str) -> float:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from companion.errors import LandslopeError
+from drivers.system.pools import dask
 
 DEFAULT = "stairs"
 BAR_WIDTH = 30
@@ -166,37 +167,12 @@ def _many(args: argparse.Namespace) -> int:
             args.runs, first, args.jobs, args.config, args.overrides, args.keep, progress,
             on_run=table.add if table is not None else lambda run: None,
             flown=table.runs_before(seeds) if table is not None else (),
-            pool=None if args.dask is None else _dask(args.dask), classes=classes,
+            pool=None if args.dask is None else dask(args.dask), classes=classes,
         )  # fmt: skip
     print(report.in_words())
     if args.report is not None:
         args.report.write_text(json.dumps(report.as_table(), indent=1), encoding="utf-8")
     return 1 if report.requested_on_unfit.count or report.crashes else 0
-
-
-def _dask(address: str) -> Any:
-    """Opens the workers of a Dask scheduler as an executor."""
-    try:
-        from distributed import Client
-    except ImportError:
-        raise LandslopeError("--dask needs Dask: pip install 'landslope[scale]'") from None
-    try:
-        client = Client(address, timeout="10s")
-    except (OSError, ValueError) as error:
-        raise LandslopeError(
-            f"--dask {address}: no scheduler answers: {error}; start one by 'dask scheduler'"
-        ) from None
-
-    @contextmanager
-    def executor() -> Iterator[Any]:
-        with client, client.get_executor(pure=False) as opened:
-            yield opened
-
-    return executor
-
-
-def _say(run: Any) -> None:
-    print(run, flush=True)
 
 
 @contextmanager

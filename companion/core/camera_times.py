@@ -27,9 +27,14 @@ class CameraTimes:
     @property
     def readout(self) -> tuple[float | None, float | None]:
         """The readout and its standard deviation, None while it has not settled or where it is set."""
-        if self._readout_known or self._last_s - self._since_s < SETTLED_S:
+        if self._readout_known or not self._last_s - self._since_s >= SETTLED_S:  # NaN before the first step
             return None, None
         return self.found.readout_s, self.found.readout_std_s
+
+    @property
+    def readout_unknown(self) -> bool:
+        """Whether the readout is neither set nor found: slopes are doubtful while the vehicle turns."""
+        return not self._readout_known and self.readout[0] is None
 
     def step(
         self, now_s: float, frame: int | None, time_unix_us: int, contradicted: bool = False

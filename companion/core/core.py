@@ -11,6 +11,7 @@ from companion.core.estimator_doubt import ASSUMED_VELOCITY_STD
 from companion.core.frozen_camera import FrozenCamera
 from companion.core.ground import GroundReporter
 from companion.core.health import Clocks, HealthMonitor
+from companion.core.recurring_events import RecurringEvents
 from companion.core.sync import Notice, ReadyFrame, Synchroniser
 from companion.messages.conditions import Condition
 from companion.messages.events import event
@@ -112,6 +113,7 @@ class Core:
         self._stale: frozenset[str] = frozenset()
         self._attitude_known: bool | None = None
         self._attitude_streak = 0
+        self._recurring = RecurringEvents()
         self._frame_number: int | None = None
         self._seen: tuple[int, int] | None = None
         """Time of the newest processed frame, and when it was processed."""
@@ -158,7 +160,7 @@ class Core:
         elif isinstance(sample, Velocity):
             self._logic.locate(sample.position_ned, self._sync.now_us)
         self._tick(out)
-        return out
+        return self._recurring.step(out, self._sync.now_us)
 
     def tick(self, now_us: int) -> list[Output]:
         """Time passed without a sample: frames that waited long enough are processed, silence is reported."""
@@ -166,7 +168,7 @@ class Core:
         for frame in self._sync.tick(now_us):
             self._process(frame, out)
         self._tick(out)
-        return out
+        return self._recurring.step(out, self._sync.now_us)
 
     def finish(self) -> list[Output]:
         """End of the input: frames still waiting are processed, the last state is reported."""
@@ -176,7 +178,8 @@ class Core:
         if self._health_due_us is not None:
             self._report_health(out)
             out += self._logic.decide(self._sync.now_us, self._sync.raw_us(), always=True)
-        return out
+        now_us = self._sync.now_us
+        return [*self._recurring.step(out, now_us), *self._recurring.finish(now_us)]
 
     def _count(self, sample: Sample, out: list[Output]) -> None:
         refusals = self._sync.refusals()
@@ -312,6 +315,7 @@ class Core:
             out += self._times.step(now_us * 1e-6, self._frame_number, raw_us, contradicted)
             late_std_s = None if found.at_bound else found.std_s
             clocks = Clocks(offset_s, clock.std_s, found.late_s, late_std_s, *self._times.readout)
+        self._health.readout_unknown = self._health.telemetry and self._times.readout_unknown
         out.append(self._health.message(now_us, raw_us, clocks))
 
 

@@ -140,6 +140,7 @@ class HealthMonitor:
         self.calibrated = True
         self.masked = 0.0
         """Share of the picture that ``camera.mask`` covers."""
+        self.readout_unknown = False
         self.radio_lost = False
         self.standing: tuple[Condition, ...] = ()
         """Conditions that others found: recording, clock, two vehicles on the link."""
@@ -221,6 +222,8 @@ class HealthMonitor:
             yield condition(Code.UNCALIBRATED)
         if self.masked > LARGE_MASK:
             yield condition(Code.MASK_LARGE, detail=f"{100 * self.masked:.0f} %")
+        if self.readout_unknown:
+            yield condition(Code.READOUT_UNKNOWN)
         if self.radio_lost:
             yield condition(Code.RADIO_LOST)
 

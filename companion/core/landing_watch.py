@@ -1,4 +1,9 @@
-"""After the request the surface is watched on: what if it turns out unfit while there is still time?"""
+"""Watches the surface while the autopilot lands at our request, and reports one that turns out unfit.
+
+In: the published ``Decision`` and ``Estimate`` messages and the ground map. Out: the event ``surface_unfit``, at most
+one per landing, and whether hold is to be commanded (``landing.on_unfit``). Times are microseconds of the messages,
+heights metres.
+"""
 
 from dataclasses import dataclass
 
@@ -10,29 +15,33 @@ from landing.ground.spots import GroundCode
 from landing.reasons import Code, Status, in_words
 
 LANDING = frozenset(WORDS[code] for code in UNDER_WAY)
+"""Values of ``Decision.command`` while a landing is in progress."""
 
 MEASURED = frozenset({Code.TOO_STEEP, Code.TOO_ROUGH, Code.OBSTACLE_POINTS})
-"""Reasons that say what the whole view is. That too little of it is seen is natural near the ground, and no reason to
-break off."""
+"""Reasons that are measurements of the whole view. That too little of it is seen is normal near the ground, and no
+reason to interrupt a landing."""
 
 
 @dataclass(frozen=True, slots=True)
 class Watched:
-    """What the watch says: an event, and whether the autopilot is to be asked for hold."""
+    """The event to publish, and whether the autopilot is to be commanded to hold."""
 
     event: Event
     hold: bool
 
 
 class LandingWatch:
-    """Fed with the pipeline's messages. An abort needs what a request needs: evidence in every frame of ``dwell_s``.
-    Where ``ground`` has metres, evidence is a hazard of the discs where the vehicle comes down: what is noise in the
-    whole view is none, nor is what lies beside, nor ground that is not known. Without metres it is what is certain of
-    the whole view. Speaks once a landing, and only above the height (or, where it is not known, the time to contact)
-    below which breaking off would be worse than going on."""
+    """``feed`` takes the pipeline's messages in order.
+
+    An abort needs as much evidence as a request: evidence in every frame of ``dwell_s``. While the ground map has a
+    scale, evidence is a hazard among the discs where the vehicle lands; noise of the whole view, ground beside these
+    discs and unknown ground are none. Without a scale, evidence is a certain reason of the whole view. Nothing is
+    reported below ``landing.unfit_min_height_m`` (or, without a height, ``unfit_min_contact_s``): there an abort is
+    worse than the landing.
+    """
 
     def __init__(self, settings: LandingSettings, dwell_s: float, ground: GroundBelow | None = None) -> None:
-        """``ground`` is asked at an estimate, and is then of that estimate's frame or a newer one."""
+        """``ground`` is read at each estimate; it then is of that estimate's frame or a newer one."""
         self._s = settings
         self._dwell_us = round(dwell_s * 1e6)
         self._ground = ground
@@ -41,7 +50,7 @@ class LandingWatch:
         self._spoken = False
 
     def feed(self, message: Message) -> Watched | None:
-        """Take one message; what is to be said and done, if anything."""
+        """Take one message; returns what to publish and do, usually None."""
         if isinstance(message, Decision):
             self._take(message)
         elif isinstance(message, Estimate) and self._landing and not self._spoken:
@@ -68,9 +77,9 @@ class LandingWatch:
         return self._words(estimate, evidence)
 
     def _evidence(self, estimate: Estimate) -> tuple[str, ...]:
-        """What says, of this frame, that the vehicle comes down on unfit ground; in words."""
+        """Reasons in words, from this frame alone, that the ground where the vehicle lands is unfit; empty: none."""
         if estimate.status != Status.OK:
-            # the map remembers, but nothing was seen
+            # the map still has older measurements, but this frame has none
             return ()
         if self._ground is not None:
             below, way = self._ground.under_way()

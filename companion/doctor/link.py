@@ -1,4 +1,9 @@
-"""The link before a flight: is the autopilot there, do its messages come often and evenly, are the clocks related."""
+"""Check of the MAVLink connection before a flight, for ``landslope doctor``.
+
+In: the settings and some seconds of live messages. Out: ``Finding`` (level, text, remedy) on the connection, the
+autopilot's parameters, the rate of each message (Hz), the jitter of arrivals (s), the relation of the two clocks (s)
+and TIMESYNC. Nothing is commanded; the link only requests message rates and parameters.
+"""
 
 import threading
 from collections import Counter
@@ -6,10 +11,13 @@ from collections import Counter
 import numpy as np
 
 from companion.clocks.clock import AutopilotClock
+from companion.core.vehicle_state import MULTICOPTERS
 from companion.doctor import parameters
 from companion.doctor.findings import DoctorOptions, Finding, Level
+from companion.doctor.modes import mode_findings
 from companion.settings.link_options import link_options
 from companion.settings.settings import Settings
+from drivers.autopilot.available_modes import ModeReader
 from drivers.autopilot.parameters import ParameterReader
 from drivers.errors import DriverError
 from drivers.events import DriverEvent
@@ -28,7 +36,7 @@ from drivers.samples import (
 from drivers.system.host_clock import now_us
 
 SETTLE_US = 1_500_000
-"""After the vehicle was found: the rates asked for are only on their way."""
+"""Messages of this time (us) after the first heartbeat are left out: the requested rates are not in effect yet."""
 
 SUBJECTS = {
     "attitude": Attitude,
@@ -37,6 +45,7 @@ SUBJECTS = {
     "landed state": LandedState,
     "radio": RcChannels,
 }
+"""Subject of a finding -> kind of sample whose rate is measured."""
 RATE_REMEDY = (
     "raise the link's baud rate, or lower the rate in [mavlink]; PX4: MAV_n_RATE bounds all messages together; "
     "ArduPilot: SRn_... and other programs ask for other rates"
@@ -44,7 +53,10 @@ RATE_REMEDY = (
 
 
 class LinkExamination:
-    """Opens the link and listens in the background until ``findings``."""
+    """Opens the link at once and collects its samples in the link's thread; ``findings`` evaluates them.
+
+    A connection that cannot be opened is a finding, not an exception.
+    """
 
     def __init__(self, settings: Settings, options: DoctorOptions) -> None:
         self._settings, self._options = settings, options
@@ -59,16 +71,18 @@ class LinkExamination:
         try:
             self._link = Link(link_options(settings), self._keep, self._report)
             self._parameters = ParameterReader(self._link)
-            self._link.on_frame = self._parameters.frame
+            self._modes = ModeReader(self._link)
+            self._link.on_frame = self._frame
             self._link.start()
         except DriverError as error:
             self._fault = str(error)
 
     def look(self) -> None:
-        """Ask for what is still missing; to be called now and then."""
+        """Request the parameters that have not arrived yet; to be called every few tenths of a second."""
         if self._link is not None:
             wanted = parameters.names(self._settings.landing.procedure, self._link.autopilot)
             self._parameters.look(wanted, now_us())
+            self._modes.look(now_us())
 
     def close(self) -> None:
         """Close the port."""
@@ -76,7 +90,7 @@ class LinkExamination:
             self._link.close()
 
     def findings(self) -> list[Finding]:
-        """Everything about the link, the messages and the clocks."""
+        """All findings; only one, with the cause, when no heartbeat of the autopilot was received."""
         with self._lock:
             samples, events = list(self._samples), list(self._events)
         connection = self._settings.mavlink.connection
@@ -112,9 +126,11 @@ class LinkExamination:
             )
         procedure = self._settings.landing.procedure
         findings += parameters.parameter_findings(procedure, newest.autopilot, self._parameters.values)
+        if newest.autopilot == "px4" or newest.vehicle_type in MULTICOPTERS:  # whose numbers these are
+            findings += mode_findings(self._settings.landing, self._modes.modes())
         findings += self._rates(samples, newest)
         findings += self._clock(samples)
-        known_us = heartbeats[0].arrival_us  # what came before could be nobody's
+        known_us = heartbeats[0].arrival_us  # before it the link cannot know which messages are the vehicle's
         late = (s for s in samples if isinstance(s, Refusal) and s.arrival_us > known_us)
         refused = Counter((refusal.reason.words, refusal.detail) for refusal in late)
         if refused:
@@ -123,6 +139,10 @@ class LinkExamination:
                 Finding("refused", "warning", text, "noise on the wire, or somebody else on the link")
             )
         return findings
+
+    def _frame(self, arrival_us: int, data: bytes) -> None:
+        self._parameters.frame(arrival_us, data)
+        self._modes.frame(arrival_us, data)
 
     def _keep(self, samples: list[Sample]) -> None:
         with self._lock:
@@ -133,6 +153,7 @@ class LinkExamination:
             self._events.append(event)
 
     def _rates(self, samples: list[Sample], heartbeat: Heartbeat) -> list[Finding]:
+        """One finding for each subject: its mean rate since ``SETTLE_US``, against the requested one."""
         m = self._settings.mavlink
         asked = {
             "attitude": m.attitude_rate_hz,
@@ -178,6 +199,7 @@ class LinkExamination:
         return findings
 
     def _clock(self, samples: list[Sample]) -> list[Finding]:
+        """Jitter of the attitude's arrivals, standard deviation of the clocks' relation, TIMESYNC round trips."""
         o = self._options
         clock = AutopilotClock(self._settings.sync)
         delays: list[int] = []

@@ -96,7 +96,7 @@ PX4 = {
     TARGET: (
         Rule(
             "PLD_BTOUT",
-            lambda value: "" if value <= 5 else "it waits long for a place that is no longer told",
+            lambda value: "" if value <= 5 else "it waits long for a place that is no longer sent",
             "warning",
             "set PLD_BTOUT = 5",
         ),

@@ -126,7 +126,7 @@ def section(outcomes: list[Outcome], out: Path) -> Section:
             pooled = Errors.of(np.concatenate(list(errors.values())))
             lines[known].append(
                 f"{method}: medians {' < '.join(f'{m:.1f}' for m in medians) if ordered else medians} deg, "
-                f"order {'kept' if ordered else 'lost'}, neighbours told apart frame by frame in "
+                f"order {'kept' if ordered else 'lost'}, neighbours distinguished frame by frame in "
                 f"{100 * min(apart):.0f} % or more; error median {pooled.median:.1f}, p95 {pooled.p95:.1f} deg, "
                 f"failures {100 * pooled.failures / pooled.frames:.0f} %"
             )

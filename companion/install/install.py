@@ -24,6 +24,8 @@ SYSTEM_FILES = {
 }
 """Shipped file -> where the system looks for it; written anew by every installation."""
 
+COMMAND = Path("/usr/local/bin/landslope")
+"""The command on PATH: a link into the environment."""
 SETTINGS_DIRECTORY = Path("/etc/landslope")
 SETTINGS_FILES = ("landslope.toml", "zenoh.json5")
 """Written once; later only their examples beside them."""
@@ -61,6 +63,7 @@ def install_steps(options: InstallOptions) -> Iterator[Step]:
         yield from _environment(options)
     for name, target in SYSTEM_FILES.items():
         yield _write(shipped(name).read_text(encoding="utf-8"), target, options)
+    yield _link(options)
     for target, text in options.documents.items():
         yield _write(text, target, options)
     for name in SETTINGS_FILES:
@@ -102,6 +105,8 @@ def uninstall_steps(options: InstallOptions, purge: bool) -> Iterator[Step]:
         yield _command("systemctl", f"--root={options.root}", "disable", UNIT)
     for target in (*SYSTEM_FILES.values(), *DOCUMENTS):
         yield _remove(target, options)
+    if _links_to(_below(options.root, COMMAND), options.prefix):
+        yield _remove(COMMAND, options)
     if _is_ours(_below(options.root, options.prefix)):
         yield _remove(options.prefix, options)
     if purge:
@@ -117,6 +122,13 @@ def uninstall_steps(options: InstallOptions, purge: bool) -> Iterator[Step]:
 def systemd_runs() -> bool:
     """Whether this machine was booted by systemd: not so in a chroot, where units are only enabled."""
     return Path("/run/systemd/system").is_dir()
+
+
+def command_on_path(options: InstallOptions) -> str:
+    """What a user types to call the landslope that is installed: its name alone where the link to it is on PATH."""
+    linked = options.root is None and shutil.which("landslope") == str(COMMAND)
+    linked = linked and _links_to(COMMAND, options.prefix)
+    return "landslope" if linked else str(options.prefix / "bin" / "landslope")
 
 
 def check_rights(options: InstallOptions) -> None:
@@ -174,6 +186,26 @@ def _write(text: str, target: Path, options: InstallOptions) -> Step:
             raise LandslopeError(f"{path}: cannot be written: {error.strerror}") from error
 
     return Step(f"write {target}", act)
+
+
+def _link(options: InstallOptions) -> Step:
+    path = _below(options.root, COMMAND)
+    if (path.exists() or path.is_symlink()) and not _links_to(path, options.prefix):
+        return Step(f"keep {COMMAND}, which is not this installation's", lambda: None)
+
+    def act() -> None:
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.unlink(missing_ok=True)
+            path.symlink_to(options.prefix / "bin" / "landslope")
+        except OSError as error:
+            raise LandslopeError(f"{path}: cannot be linked: {error.strerror}") from error
+
+    return Step(f"link {COMMAND}", act)
+
+
+def _links_to(path: Path, prefix: Path) -> bool:
+    return path.is_symlink() and path.readlink() == prefix / "bin" / "landslope"
 
 
 def _remove(target: Path, options: InstallOptions) -> Step:

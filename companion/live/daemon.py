@@ -17,6 +17,7 @@ from companion.errors import LandslopeError
 from companion.live.commander import TOO_LATE, Commander
 from companion.live.inputs import Inputs
 from companion.live.live_pipeline import LivePipeline
+from companion.live.overload import Overload
 from companion.live.publisher import Publisher
 from companion.live.recording import FlightRecording
 from companion.live.reload import reloaded
@@ -69,6 +70,7 @@ class Daemon:
         self._inputs, self._inbox = inputs, inputs.inbox
         self._link, self._camera = inputs.link, inputs.camera
         self._estimate_us = 0
+        self._overload = Overload()
         self._date, self._look, self._look_at = Date(), look, 0.0
         self.failed = ""
         """Why the daemon ends by itself, to be started anew; empty while it need not."""
@@ -262,6 +264,10 @@ class Daemon:
                 found.append(condition(Code.RATE_TOO_LOW, name, f"{hz:.1f} Hz of {wanted[name]:g}"))
             if self._link.unsigned_only:
                 found.append(condition(Code.UNSIGNED))
+        status = self._camera.status()
+        overloaded = self._overload.step(now_us(), status.delivered, status.skipped)
+        if overloaded is not None:
+            found.append(overloaded)
         if not self._date.known:
             found.append(condition(Code.CLOCK_WITHOUT_DATE))
         return tuple(found)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from companion.core.camera_model import camera_model
 from companion.core.core import Core, Output, Processed
+from companion.live.event_rate import EventRate
 from companion.messages.conditions import Condition
 from companion.messages.messages import Event, Health
 from companion.settings.settings import Settings
@@ -53,6 +54,7 @@ class LivePipeline:
         self._size = _size(settings)
         self._core = self._new_core()
         self._times_ms: deque[float] = deque(maxlen=TIMES_KEPT)
+        self._events = EventRate()
         self.estimated_at = -math.inf
         """Monotonic time (s) of the newest processed frame."""
         self.counted: Counter[str] = Counter()
@@ -77,12 +79,15 @@ class LivePipeline:
             started = time.perf_counter()
             outputs = self._core.feed(sample)
             self._hand_on(outputs, started)
+        if samples:
+            self._let_pass(self._events.step(samples[-1].arrival_us))
 
     def tick(self, now_us: int) -> None:
         """Time passed without a sample."""
         self._stand()
         started = time.perf_counter()
         self._hand_on(self._core.tick(now_us), started)
+        self._let_pass(self._events.step(now_us))
 
     def report(self, event: DriverEvent) -> None:
         """Something happened in a driver."""
@@ -115,6 +120,7 @@ class LivePipeline:
     def finish(self) -> None:
         """The end: what still waits is processed."""
         self._hand_on(self._core.finish(), time.perf_counter())
+        self._let_pass(self._events.finish())
 
     def _new_core(self) -> Core:
         self._camera, self._calibrated = camera_model(self._settings.camera, *self._size)
@@ -150,8 +156,14 @@ class LivePipeline:
         if isinstance(output, Health):
             output = self._completed(output)
         elif isinstance(output, Event):
-            log.log(LEVELS[output.severity], "%s: %s", output.event, output.text)
+            self._let_pass(self._events.feed(output))
+            return
         self._on_output(output)
+
+    def _let_pass(self, events: list[Event]) -> None:
+        for event in events:
+            log.log(LEVELS[event.severity], "%s: %s", event.event, event.text)
+            self._on_output(event)
 
     def _completed(self, health: Health) -> Health:
         mean_ms = round(sum(self._times_ms) / len(self._times_ms), 3) if self._times_ms else None

@@ -64,6 +64,8 @@ SHORT_CONDITIONS = {
     ConditionCode.RADIO_LOST: "switch on the radio not heard",
     ConditionCode.RATE_TOO_LOW: "too rare: {subject}",
     ConditionCode.IMAGE_SIZE: "picture of another size",
+    ConditionCode.OVERLOADED: "processor too slow",
+    ConditionCode.READOUT_UNKNOWN: "camera readout not known",
     ConditionCode.ROTATION_CONTRADICTS: "picture and gyro disagree",
     ConditionCode.VELOCITY_CONTRADICTS: "ground, velocity disagree",
     ConditionCode.LATENESS_CONTRADICTS: "pictures too late",

@@ -28,12 +28,14 @@ class Code(StrEnum):
     ATTITUDE_UNSURE = "attitude_unsure"
     TWO_VEHICLES = "two_vehicles"
     IMAGE_SIZE = "image_size"
+    READOUT_UNKNOWN = "readout_unknown"
     UNCALIBRATED = "uncalibrated"
     MASK_LARGE = "mask_large"
     RECORDING_STOPPED = "recording_stopped"
     CLOCK_WITHOUT_DATE = "clock_without_date"
     RADIO_LOST = "radio_lost"
     RATE_TOO_LOW = "rate_too_low"
+    OVERLOADED = "overloaded"
     UNSIGNED = "unsigned"
 
 
@@ -63,6 +65,10 @@ KINDS = {
     Code.TWO_VEHICLES: Kind("error", "two vehicles on the link: set vehicle.system_id", forbids_landing=True),
     Code.IMAGE_SIZE: Kind("error", "camera: {detail}", forbids_landing=True),
     Code.UNCALIBRATED: Kind("warning", "the camera is not calibrated", forbids_landing=True),
+    Code.READOUT_UNKNOWN: Kind(
+        "warning",
+        "camera: the rows' readout is not known yet; it is found while the vehicle turns, or set camera.readout_s",
+    ),
     Code.VELOCITY_UNKNOWN: Kind(
         "warning", "the autopilot's estimator does not know its velocity: no metres; see its position source"
     ),
@@ -73,6 +79,10 @@ KINDS = {
     Code.RADIO_LOST: Kind("warning", "radio: the pilot's switch is not heard"),
     Code.UNSIGNED: Kind("warning", "signing: the autopilot signs nothing; give it mavlink.signing_key too"),
     Code.RATE_TOO_LOW: Kind("warning", "{subject}: {detail} asked for"),
+    Code.OVERLOADED: Kind(
+        "warning",
+        "the processor is too slow: {detail}; lower camera.rate_hz, camera.width and height, or tracking.max_features",
+    ),
     Code.MASK_LARGE: Kind(
         "warning",
         "camera: camera.mask covers {detail} of the picture; move the camera or what stands in its view",

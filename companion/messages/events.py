@@ -81,6 +81,39 @@ EVENTS = {
 }
 """Name -> (severity, meaning)."""
 
+REPEATING = frozenset(
+    {
+        "clock_settled",
+        "clock_jumped",
+        "clock_jump_taken_back",
+        "clock_corrected",
+        "link_late",
+        "frames_jumped",
+        "camera_late",
+        "camera_frozen",
+        "camera_moves",
+        "rotation_contradicts",
+        "velocity_contradicts",
+        "lateness_contradicts",
+        "motion_agrees",
+        "attitude_lost",
+        "attitude_back",
+        "input_stale",
+        "input_back",
+        "date_corrected",
+        "link_open",
+        "link_closed",
+        "mavlink_refused",
+        "rate_too_low",
+        "camera_lost",
+        "camera_back",
+        "stream_times_made_up",
+        "recording_behind",
+        "recording_failed",
+    }
+)
+"""Events about inputs and the disk, which a bad cable repeats without end: their rate is limited, with a count."""
+
 LANDING_EVENTS = frozenset(
     {
         "landing_requested",

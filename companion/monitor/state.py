@@ -1,4 +1,8 @@
-"""What each vehicle said last, in bounded memory. Knows neither zenoh nor the page; time is passed in."""
+"""The newest messages of every vehicle and ten minutes of history, in bounded memory, for the monitor's page.
+
+In: deliveries of the bus and the monitor's monotonic time (s). Out: the attributes of ``Vehicle``, which the page reads
+under ``Watch.lock``. This module knows neither zenoh nor the page.
+"""
 
 import threading
 from collections import Counter, deque
@@ -16,13 +20,14 @@ from companion.monitor.options import MonitorOptions
 from drivers.bus import Delivery
 
 RATE_WINDOW_S = 2.0
+"""Interval over which the rate of estimates is counted."""
 GROUND = "ground"
 VERDICTS = ("fit", "unfit", "unknown")
 
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """What the charts and the timeline keep of a moment; ``time_s`` on the monitor's own clock."""
+    """One entry of the charts and of the timeline: ``time_s`` on the monitor's clock, the rest as in ``Estimate``."""
 
     time_s: float
     verdict: str
@@ -38,7 +43,7 @@ class Point:
 
 
 def point_of(time_s: float, verdict: str, e: Estimate) -> Point:
-    """The point of an estimate."""
+    """The entry of an estimate."""
     return Point(
         time_s,
         verdict,
@@ -55,18 +60,18 @@ def point_of(time_s: float, verdict: str, e: Estimate) -> Point:
 
 
 PATH_PLACES = 240
-"""Of a ground message each: two minutes at 2 Hz."""
+"""Longest ``Vehicle.path``, one place per ground message: two minutes at 2 Hz."""
 
 
 @dataclass(slots=True)
 class Vehicle:
-    """One vehicle as the monitor knows it."""
+    """One vehicle as the monitor knows it; None or empty where nothing was received yet."""
 
     name: str
     alive: bool | None = None
-    """What liveliness says; None when it said nothing yet."""
+    """Whether its zenoh liveliness token is there; None while unknown."""
     heard_s: float | None = None
-    """When its last message came, on the monitor's clock."""
+    """Arrival of its last message, on the monitor's clock."""
     silent_since_s: float | None = None
     estimate: Estimate | None = None
     decision: Decision | None = None
@@ -78,15 +83,15 @@ class Vehicle:
     ground_map: dict[str, Any] | None = None
     """The newest one that has a map."""
     path: list[Place] = field(default_factory=list)
-    """Where it flew lately, in the map's axes."""
+    """Its latest places in the map's axes (north and east, m)."""
     limits: dict[str, float] = field(default_factory=dict)
-    """Limits of the decision from the vehicle's own settings, where it has answered."""
+    """Limits of the decision by name, from the vehicle's own settings; empty until it has answered."""
     events: deque[Event] = field(default_factory=deque)
     points: deque[Point] = field(default_factory=deque)
     received: Counter[str] = field(default_factory=Counter)
     refused: int = 0
     missed: int = 0
-    """Frames whose estimate never came, seen by the gaps in the frame numbers."""
+    """Estimates that were lost on the way, by the gaps in the frame numbers."""
     rate_hz: float = 0.0
     rate_count: int = 0
     rate_since_s: float = 0.0
@@ -106,7 +111,7 @@ class Watch:
         self._ground_decoder: msgspec.json.Decoder[dict[str, Any]] = msgspec.json.Decoder(dict[str, Any])
 
     def take(self, delivery: Delivery, now_s: float) -> None:
-        """Take in one delivery; what cannot be understood is counted and passed over."""
+        """Store one delivery; one that cannot be decoded is counted in ``refused`` and ignored."""
         with self.lock:
             vehicle = self.vehicles.get(delivery.vehicle)
             if vehicle is None:
@@ -128,13 +133,13 @@ class Watch:
             listener(delivery.vehicle, delivery if isinstance(message, Preview) else message)
 
     def is_silent(self, vehicle: Vehicle, now_s: float) -> bool:
-        """Whether the vehicle's token fell, or nothing came from it for too long."""
+        """Whether the vehicle's liveliness token is gone, or no message came for ``silent_after_s``."""
         if vehicle.alive is False:
             return True
         return vehicle.heard_s is not None and now_s - vehicle.heard_s > self.options.silent_after_s
 
     def tick(self, now_s: float) -> None:
-        """Note who has fallen silent and who returned; to be called a few times a second."""
+        """Update ``silent_since_s`` and the rates of all vehicles; to be called a few times a second."""
         with self.lock:
             for vehicle in self.vehicles.values():
                 if not self.is_silent(vehicle, now_s):

@@ -72,14 +72,25 @@ class ReplayJob:
     enable_after_s: float | None = None
     enable_from_rc: bool = False
     connect: str | None = None
+    address: str = ""
+    """Where a flight lies that is not on this machine; ``path`` is its copy."""
+
+
+@dataclass(frozen=True, slots=True)
+class Replayed:
+    """What a replay gave: its summary in words, the messages, and how long it took."""
+
+    text: str
+    history: History
+    pace: Pace
 
 
 Progress = Callable[[int, int | None], None]
 """Called with the frames done and the frames there are (None: not known)."""
 
 
-def replay(job: ReplayJob, progress: Progress = lambda done, total: None) -> str:
-    """Replay one flight; returns its summary. Raises the packages' errors, one line each."""
+def replay(job: ReplayJob, progress: Progress = lambda done, total: None) -> Replayed:
+    """Replay one flight. Raises the packages' errors, one line each."""
     cv2.setNumThreads(1)  # one core, and the same rounding everywhere
     source = open_source(job.path, job.config, job.overrides, job.plain)
     with ExitStack() as stack:
@@ -92,7 +103,9 @@ def replay(job: ReplayJob, progress: Progress = lambda done, total: None) -> str
         from companion.replay.plot import plot
 
         plot(job.name, run.history, source.settings.decision, job.outputs.plot)
-    return text if damage is None else f"{text}\n  stopped    {damage}"
+    if damage is not None:
+        text = f"{text}\n  stopped    {damage}"
+    return Replayed(text, run.history, run.pace)
 
 
 class _Run:

@@ -17,5 +17,9 @@ class Moved:
         return f"{where}: {self.why}" if self.why else where
 
 
-MOVED: dict[str, Moved] = {}
+MOVED: dict[str, Moved] = {
+    "estimator.border_kept_px": Moved(
+        why="a doubt at the border of the view lasts for ground.baseline of motion, until the ground is measured"
+    ),
+}
 """Old path -> where it went. Recorded flights carry all settings of their version, so every name stays here."""

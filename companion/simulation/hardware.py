@@ -222,7 +222,7 @@ class Sitl:
 
 
 class Sih:
-    """A PX4 whose own simulation flies (SIH); the scene's vehicle follows its poses, told over the pilot's link."""
+    """A PX4 whose own simulation flies (SIH); the scene's vehicle follows its poses, reported over the pilot's link."""
 
     def __init__(self, scenario: Scenario, scene: Scene, connection: str, pilot: str) -> None:
         _refuse_faults(scenario, "PX4's")

@@ -5,8 +5,6 @@ import os
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
-from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -19,7 +17,7 @@ from companion.simulation.ground import unsafe
 from companion.simulation.lockstep import LockstepOptions, fly
 from companion.simulation.procedure_count import outcome, words
 from companion.simulation.scenario import Scenario, to_toml
-from drivers.system.workers import worker_pool
+from drivers.system.pools import Pool, each, processes
 
 TRUTH_EVERY = 5
 OPPORTUNITY_S = 2.5
@@ -31,8 +29,6 @@ AHEAD = 4
 KEPT_WORST = 10
 
 Progress = Callable[[float, float], None]
-Pool = Callable[[], AbstractContextManager[Executor]]
-"""Opens where flights are flown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +144,7 @@ class Report:
             f"  held back: fit ground too far down or aside {self.held_back}",
             f"  requested on ground that is neither         {sum(r.outcome == 'between' for r in self.runs)}",
             f"  the software broke                          {self.crashes}",
-            f"  a contradiction was told in                 {sum(bool(r.contradicted) for r in self.runs)}",
+            f"  a contradiction was reported in             {sum(bool(r.contradicted) for r in self.runs)}",
             f"  landing requested at all in                 {sum(r.requested_s is not None for r in self.runs)}",
             "  by ground or class: requested, on unfit (95 % confidence), unfit beside, missed",
         ]
@@ -223,7 +219,9 @@ def fly_many(
     known = {run.seed for run in flown}
     seeds = [seed for seed in seeds_of(list(classes), count, first_seed) if seed not in known]
     if pool is None and jobs > 1 and len(seeds) > 1:
-        pool = processes(jobs)
+        for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+            os.environ.setdefault(variable, "1")
+        pool = processes(jobs, _quiet)
     flight = partial(fly_one, config=config, overrides=tuple(overrides))
     for done, run in enumerate(_all(seeds, AHEAD * jobs, pool, flight), 1 + len(flown)):
         report.runs.append(run)
@@ -282,35 +280,10 @@ def classify(scenario: Scenario, result: FlightResult, max_inclination_deg: floa
     )
 
 
-def processes(jobs: int) -> Pool:
-    """So many processes of this machine."""
-    for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ.setdefault(variable, "1")
-    return lambda: worker_pool(jobs, _quiet)
-
-
 def _all(seeds: Sequence[int], ahead: int, pool: Pool | None, flight: Callable[[int], Run]) -> Iterator[Run]:
-    if pool is None:
-        yield from map(flight, seeds)
-        return
-    with pool() as executor:
-        waiting: set[Future[Run]] = set()
-        flown: dict[Future[Run], int] = {}
-        left = iter(seeds)
-        while True:
-            for seed in left:
-                future = executor.submit(flight, seed)
-                waiting.add(future)
-                flown[future] = seed
-                if len(waiting) >= ahead:
-                    break
-            if not waiting:
-                return
-            done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-            for future in done:
-                error, seed = future.exception(), flown.pop(future)
-                # A flight that broke the software is a finding, not the end of the others.
-                yield future.result() if error is None else _crashed(scenario_of(seed), error)
+    for seed, run in each(pool, flight, seeds, ahead):
+        # A flight that broke the software is a finding, not the end of the others.
+        yield _crashed(scenario_of(seed), run) if isinstance(run, BaseException) else run
 
 
 def _crashed(scenario: Scenario, error: BaseException) -> Run:

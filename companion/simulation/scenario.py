@@ -68,7 +68,7 @@ class StartScene:
     height_m: Annotated[float, Limits(0, 120, "m", "over the ground; 0: standing, takes off")] = 2.0
     take_off_m: Annotated[float, Limits(0.5, 50, "m", "height of a takeoff")] = 2.0
     heading_deg: Annotated[float, Limits(-180, 360, "deg", "nose's bearing")] = 0.0
-    mode: Annotated[Literal["GUIDED", "LOITER"], Meaning("flight mode told to the companion")] = "GUIDED"
+    mode: Annotated[Literal["GUIDED", "LOITER"], Meaning("flight mode reported to the companion")] = "GUIDED"
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +91,7 @@ class SensorScene:
     velocity_noise_m_s: Annotated[float, Limits(0, 2, "m/s", "noise")] = 0.03
     velocity_error_m_s: Annotated[float, Limits(0, 2, "m/s", "wandering error")] = 0.05
     velocity_lag_s: Annotated[float, Limits(0, 2, "s", "time constant of a slow filter")] = 0.0
-    velocity_scale: Annotated[float, Limits(0, 10, "", "of the velocity told; 0: always zero")] = 1.0
+    velocity_scale: Annotated[float, Limits(0, 10, "", "of the reported velocity; 0: always zero")] = 1.0
     velocity_told: Annotated[bool, Meaning("whether LOCAL_POSITION_NED comes at all")] = True
 
 

@@ -49,9 +49,10 @@ POLL_S = 0.05
 WATCH_PORT = 7447
 """Where a flight that others may watch listens, unless the settings say so."""
 DRAIN_S = 0.5
+BEHIND_S, BEHIND = 0.5, (2.0, 15.0)
+"""The flight waits so long, of real time, for a camera that is so many frames behind; with more it is opened again."""
 SAME_EXPOSURE_US = 2000
 TYPES = {topic.name: topic.type for topic in TOPICS if topic.type is not None}
-
 Progress = Callable[[float, float], None]
 
 
@@ -126,10 +127,10 @@ class _LiveFlight:
     ) -> None:
         self._scenario, self._scene = scenario, scene
         self._airborne = scenario.start.height_m > 0 and options.autopilot is None
+        self._camera: ReaderCamera | None = None
         self._pilot: Pilot | None = None
         self._limit_deg = settings.decision.max_inclination_deg
-        self._offset_us = round(settings.camera.time_offset_s * 1e6)
-        self._hardware = hardware
+        self._offset_us, self._hardware = round(settings.camera.time_offset_s * 1e6), hardware
         # The companion's clock is the simulation's: on a machine that cannot keep up, both stretch alike.
         self._base_us = host_clock.now_us()
         stack.enter_context(host_clock.driven(lambda: self._clock_us(hardware.now_s)))
@@ -207,7 +208,8 @@ class _LiveFlight:
                 lag_s=lag_s,
             )
 
-        return ReaderCamera("simulated", make, ReaderLimits(), notify)
+        self._camera = ReaderCamera("simulated", make, ReaderLimits(), notify)
+        return self._camera
 
     def _picture(self, number: int, time_s: float) -> NDArray[np.uint8] | None:
         stamp_us = self._clock_us(time_s + self._scenario.camera.late_s)
@@ -264,11 +266,27 @@ class _LiveFlight:
             self._pilot.wait(time_s)
             return
         flown_s = time_s - self._zero_s
+        if isinstance(self._hardware, BuiltIn):
+            self._wait_for_frames(time_s, flown_s)
         self._pilot.step(flown_s)
         self._hardware.apply_faults(self._scene, flown_s)
         if flown_s >= self._path_due_s:
             self._path_due_s = flown_s + PATH_EVERY_S
             self.result.path.append(path_point(self._scene.vehicle, flown_s, self._hardware.mode))
+
+    def _wait_for_frames(self, time_s: float, flown_s: float) -> None:
+        """On a busy machine the flight becomes slower instead of going on unseen."""
+        until = time.monotonic() + BEHIND_S
+        while self._behind(time_s, flown_s) and time.monotonic() < until:
+            time.sleep(0.001)
+
+    def _behind(self, time_s: float, flown_s: float) -> bool:
+        """Whether a frame waits for the daemon, or exposures that are due have not begun."""
+        if not (self._camera and self._exposures) or self._scene.fault("camera_lost", flown_s):
+            return False
+        c = self._scenario.camera
+        late_s = time_s - self._exposures[-1][1] - c.latency_s - c.exposure_s - c.readout_s
+        return BEHIND[0] < late_s * c.rate_hz < BEHIND[1] or self._camera.status().waiting > 0
 
     # -- the watcher's side ------------------------------------------------------------------------------
 

@@ -1,4 +1,8 @@
-"""Commands to the autopilot through MAVSDK, which hangs on our link by its raw connection."""
+"""Commands to the autopilot through MAVSDK: land, hold, and velocity setpoints (``offboard``).
+
+MAVSDK has no port of its own. Its raw connection exchanges bytes with our ``Link``, which owns the port, so that every
+command passes the link's gate: none goes out after the pilot changed the flight mode.
+"""
 
 import logging
 import threading
@@ -22,22 +26,24 @@ log = logging.getLogger(__name__)
 PX4_PRECLAND = (4, 9)
 """Main and sub mode of PX4's AUTO/PRECLAND."""
 ASK_S, ASKS = 0.5, 3
-"""An unanswered request for a mode is repeated so soon, and so often."""
+"""Seconds until an unanswered request for a mode is repeated, and how many requests are sent in all."""
 LEVELS = {
     mavsdk.LogLevel.DEBUG: logging.DEBUG,
-    mavsdk.LogLevel.INFO: logging.DEBUG,  # MAVSDK's daily chatter
+    mavsdk.LogLevel.INFO: logging.DEBUG,  # MAVSDK reports every discovered component at this level
     mavsdk.LogLevel.WARN: logging.INFO,
     mavsdk.LogLevel.ERROR: logging.WARNING,
 }
 SUBSCRIBED_FIRST = "No raw connection available"
-"""What MAVSDK has to say when the bytes to be sent are subscribed to before there is a connection."""
+"""MAVSDK logs this when bytes are subscribed to before there is a connection, as ``_start`` does on purpose."""
 FIRST_AUTOPILOT_S = 2.0
+"""How long ``connect`` waits for MAVSDK to find the vehicle."""
 
 
 class Autopilot:
-    """MAVSDK on ``link``. Not to be closed while ``land()`` runs: that call ends by itself within 12 s.
+    """MAVSDK on ``link``. Commands block their caller until the answer (12 s at most), one at a time.
 
-    MAVSDK sends heartbeats as an onboard controller from the moment it is connected.
+    ``close`` waits for a running command. MAVSDK sends heartbeats as an onboard controller once it is connected. Every
+    command returns an ``Outcome``: the result, the autopilot's own answers in order, and MAVSDK's name for it.
     """
 
     def __init__(self, link: Link) -> None:
@@ -54,7 +60,11 @@ class Autopilot:
         return self._action is not None
 
     def connect(self, timeout_s: float = FIRST_AUTOPILOT_S) -> bool:
-        """Let MAVSDK find the vehicle, once the link has; True when it has. May be called again and again."""
+        """Wait up to ``timeout_s`` for MAVSDK to find the vehicle that the link knows; True when it has. May be
+        repeated.
+
+        Raises DriverError when MAVSDK does not open its connection.
+        """
         if self.connected:
             return True
         system_id = self._link.system_id
@@ -78,7 +88,7 @@ class Autopilot:
         return self._command(NAV_LAND, lambda action: action.land(), given_in, LAND_MODES)
 
     def land_on_target(self, given_in: str | None = None) -> Outcome:
-        """PX4: ask for the mode PRECLAND, which follows LANDING_TARGET; where it is refused, land as ever.
+        """PX4: ask for the mode PRECLAND, which follows LANDING_TARGET; where that is refused, ``land``.
 
         ArduCopter's LAND follows LANDING_TARGET by itself.
         """
@@ -122,7 +132,7 @@ class Autopilot:
         return instance
 
     def _ask_for_mode(self, given_in: str | None) -> str:
-        """Ask PX4 for PRECLAND, as often as no answer comes; the answer by MAVLink's name."""
+        """Request PRECLAND of PX4, up to ``ASKS`` times; the answer's MAV_RESULT by name, or why there is none."""
         if not self._link.gate.expect(given_in or self._link.gate.mode, LAND_MODES):
             return ENDED
         began_us, system = now_us(), self._link.system_id
@@ -149,6 +159,10 @@ class Autopilot:
         given_in: str | None,
         goal: frozenset[str],
     ) -> Outcome:
+        """Carry out ``call`` while the vehicle is in the mode ``given_in`` or one of ``goal``.
+
+        ``command`` is the MAV_CMD whose answers count; None: every command's.
+        """
         with self._busy:
             if self._action is None:
                 return Outcome(NO_AUTOPILOT, (), "NO_SYSTEM")
@@ -173,6 +187,7 @@ def _answers(answer: CommandAnswer, command: int | None) -> bool:
 
 
 def _result(result: ActionResult, answers: tuple[str, ...]) -> str:
+    """The autopilot's last answer where there is one: MAVSDK has one name for both kinds of denial."""
     if result == ActionResult.SUCCESS:
         return "ACCEPTED"
     final = [answer for answer in answers if answer != "IN_PROGRESS"]

@@ -26,9 +26,8 @@ def ekf_status_report(m: Any, arrival_us: int) -> EstimatorReport:
 
 
 def estimator_status(m: Any, arrival_us: int) -> EstimatorReport:
-    """PX4's flags, with the same meaning for attitude and velocity."""
-    held = bool(m.flags & mavlink.ESTIMATOR_CONST_POS_MODE)
-    return _by_flags("ESTIMATOR_STATUS", m, held, (m.vel_ratio,), arrival_us)
+    """PX4's flags. Its CONST_POS_MODE is set on the ground too, at rest, with a velocity that is known."""
+    return _by_flags("ESTIMATOR_STATUS", m, False, (m.vel_ratio,), arrival_us)
 
 
 def odometry(m: Any, arrival_us: int) -> EstimatorReport:

@@ -1,7 +1,8 @@
-"""MAVLink 2 message signing: outgoing frames are sealed, incoming ones checked.
+"""MAVLink 2 message signing (mavlink.io/en/guide/message_signing.html): signs outgoing frames, checks incoming ones.
 
-pymavlink remembers a stream's time stamp before it has checked the signature, so one forged frame from the
-future would lock out the true sender; here only a frame that proved itself moves the stamp.
+A signature is six bytes of SHA-256 over key and frame, with a time stamp (10 us since 2015) that must increase within a
+stream, against replayed frames. pymavlink stores a stream's time stamp before it has checked the signature, so that one
+forged frame with a late stamp locks out the true sender. Here only a frame with a valid signature moves the stamp.
 """
 
 import hashlib
@@ -20,20 +21,21 @@ from drivers.secrets import is_key
 log = logging.getLogger(__name__)
 
 KEY_LENGTH = 32
+"""Bytes of a key."""
 EPOCH_UNIX_S = 1420070400
-"""Signing time counts in 10 us from 1 January 2015, UTC."""
+"""Signing time is counted in units of 10 us from this moment: 1 January 2015, UTC."""
 MAX_AGE = 60 * 100_000
-"""A stream that was never seen may lag this much (one minute) behind the newest time that is known."""
+"""A new stream may be this much (one minute, in units of 10 us) behind the newest known time."""
 _CHECKSUM = 2
 
 
 def read_key(text: str) -> bytes:
-    """The secret key itself (64 hexadecimal digits), or that of the file which the text names.
+    """The key (32 bytes) from the setting: its 64 hexadecimal digits, or the name of a file with it.
 
     A file holds 32 bytes or 64 hexadecimal digits. Raises DriverError when it is neither.
     """
     if is_key(text):
-        log.info("the MAVLink signing key is the one that stands in mavlink.signing_key")
+        log.info("the MAVLink signing key is the value of mavlink.signing_key")
         return bytes.fromhex(text)
     path = Path(text)
     log.info("the MAVLink signing key is read from the file %s", path)
@@ -61,9 +63,11 @@ def _wall_time() -> int:
 
 
 class Signer:
-    """Signs and checks with one key. ``now`` gives the signing time (10 us since 2015); never goes back.
+    """Signs and checks frames with one key.
 
-    ``memory`` is where the time survives a restart; ``save`` is to be called now and then, outside of a hot path.
+    ``link_id`` is written into every signature. ``now`` returns the signing time (10 us since 2015); the signer's own
+    time never decreases, so a clock that falls back repeats no stamp. ``memory`` keeps the time over a restart;
+    ``save`` writes to it and is to be called every few seconds.
     """
 
     def __init__(
@@ -82,7 +86,7 @@ class Signer:
         self._saved = self._time
 
     def sign(self, frame: bytes) -> bytes:
-        """The MAVLink 2 frame (unsigned) with flag, checksum and signature; other frames come back as they are."""
+        """An unsigned MAVLink 2 frame with flag, checksum and signature; all other frames unchanged."""
         if frame[0] != MARKER_V2 or frame[2] & SIGNED:
             return frame
         extra = crc_extra_of(int.from_bytes(frame[7:10], "little"))
@@ -96,7 +100,7 @@ class Signer:
         return bytes(body) + self._signature(bytes(body))
 
     def refusal(self, frame: WireFrame) -> RefusalCode | None:
-        """Why an incoming frame is refused; None when it is sound."""
+        """Why an incoming frame is refused; None when it is accepted, which also moves its stream's time stamp."""
         if not frame.signed:
             return RefusalCode.UNSIGNED
         data = frame.data
@@ -111,16 +115,16 @@ class Signer:
         return None
 
     def save(self) -> None:
-        """Keep the time on disk, when it has moved on."""
+        """Write time and streams to the memory, when the time has increased."""
         if self._memory is not None and self._time > self._saved:
             self._saved = self._time
             self._memory.save(self._time, dict(self._streams))
 
     def _floor(self, stream: Stream) -> int:
-        """The time that a frame of a stream must be newer than.
+        """The time stamp that a frame of a stream must exceed.
 
-        A sender has one clock for all its links: on a link that was not heard yet, what is older than its newest
-        frame elsewhere was recorded there.
+        A sender has one clock for all its links: on a new link, a frame that is older than the sender's newest one on
+        another link is a recording of it.
         """
         if stream in self._streams:
             return self._streams[stream]
@@ -132,7 +136,7 @@ class Signer:
 
 
 def unsigned(frame: bytes) -> bytes:
-    """A signed frame without its signature, for a reader that knows no keys."""
+    """A signed frame without its signature, for a program that has no key; other frames unchanged."""
     if frame[0] != MARKER_V2 or not frame[2] & SIGNED:
         return frame
     extra = crc_extra_of(int.from_bytes(frame[7:10], "little"))

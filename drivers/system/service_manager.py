@@ -1,4 +1,7 @@
-"""Messages to systemd: ready, status, alive, stopping (the sd_notify protocol, a datagram each)."""
+"""State of the service for systemd: ready, status line, watchdog, stopping.
+
+The sd_notify protocol (man 3 sd_notify): each message is one datagram of text to the socket named by NOTIFY_SOCKET.
+"""
 
 import os
 import socket
@@ -6,17 +9,18 @@ import time
 from collections.abc import Mapping
 
 PINGS_PER_INTERVAL = 3
-"""Watchdog messages sent within one watchdog interval, at most."""
+"""Watchdog messages within one watchdog interval, at most; systemd recommends at least two."""
 
 MAX_STATUS = 200
-"""Characters of a status text."""
+"""Longest status line, in characters; longer ones are cut."""
 
 
 class ServiceManager:
-    """Speaks to the socket in NOTIFY_SOCKET; does nothing when no service manager is there.
+    """Sends to the socket in NOTIFY_SOCKET; every method does nothing when the process is not a systemd service.
 
-    ``alive`` is to be called by whatever must not hang, each time it has got something done; it sends seldom enough
-    to be called with every frame. A socket that is full or gone costs a message, never an exception.
+    ``alive`` is called by the loop that the watchdog guards, after each round of work; it limits its own rate, so
+    calling it for every frame is fine. Sending never blocks and never raises: when the socket is full or closed the
+    message is lost.
     """
 
     def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
@@ -47,22 +51,22 @@ class ServiceManager:
             self._send(f"STATUS={line}")
 
     def alive(self) -> None:
-        """The work goes on: feeds the watchdog, when there is one."""
+        """The loop works: triggers the watchdog, when one is set."""
         now = time.monotonic()
         if self.watchdog_s and now >= self._next_ping:
             self._next_ping = now + self.watchdog_s / PINGS_PER_INTERVAL
             self._send("WATCHDOG=1")
 
     def stopping(self) -> None:
-        """The service is on its way down."""
+        """The service is stopping."""
         self._send("STOPPING=1")
 
     def more_time(self, seconds: float) -> None:
-        """Starting or stopping takes this much longer from now."""
+        """Ask for so many seconds from now before systemd gives up starting or stopping."""
         self._send(f"EXTEND_TIMEOUT_USEC={round(seconds * 1e6)}")
 
     def close(self) -> None:
-        """Let the socket go."""
+        """Close the socket; later calls do nothing."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None

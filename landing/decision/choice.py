@@ -47,6 +47,10 @@ class Choice:
         """The chosen place turned out unfit."""
         if self.spot_ned is not None:
             self._refused.append(self.spot_ned)
+        self.drop()
+
+    def drop(self) -> None:
+        """Nothing is chosen; the place may be chosen again."""
         self.spot_ned = None
 
     def step(self, i: Inputs, middle: Vector) -> bool:

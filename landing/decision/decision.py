@@ -1,4 +1,9 @@
-"""Whether a surface is flat, and whether it has been flat long enough to be fit for landing."""
+"""Is the surface flat, and has it been flat for long enough to be fit for landing?
+
+In: one ``SurfaceEstimate`` per frame, the ground map's discs, the limits (``DecisionOptions``). Out: a ``Verdict``
+with the reasons against landing. An unknown value (NaN) fails its check; without a height the ground map decides,
+which needs metres. The permission to land is decided elsewhere (``permission.py``).
+"""
 
 import math
 from dataclasses import dataclass
@@ -13,7 +18,10 @@ from landing.reasons import Certainty, Code, Reason, Status
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """``verdict`` is "fit", "unfit" or "unknown"; ``reasons`` are what speaks against landing."""
+    """``verdict`` is "fit", "unfit" or "unknown"; ``reasons`` are those against landing.
+
+    ``since_s``: time of the estimate at which the verdict began; ``changed``: whether it differs from the one before.
+    """
 
     verdict: str
     reasons: tuple[Reason, ...]
@@ -24,10 +32,10 @@ class Verdict:
 def against_flat(
     estimate: SurfaceEstimate, options: DecisionOptions, widen: float = 0.0
 ) -> tuple[Reason, ...]:
-    """What speaks against calling the surface flat; empty when it is flat.
+    """Reasons against calling the surface flat; empty when it is flat.
 
-    The upper bounds (``options.sigmas`` standard deviations) of inclination and roughness must lie below the
-    limits, which ``widen`` relaxes by a share.
+    The upper bounds of inclination (deg; ``options.sigmas`` standard deviations) and roughness (relief over the
+    distance; ``options.roughness_sigmas``) must be at most their limits, which are multiplied by 1 + ``widen``.
     """
     if estimate.status != Status.OK:
         return (Reason(Code.NO_ESTIMATE, status=estimate.status),)
@@ -81,11 +89,12 @@ def _coverage(estimate: SurfaceEstimate, o: DecisionOptions) -> Reason | None:
 def against_landing(
     estimate: SurfaceEstimate, options: DecisionOptions, widen: float = 0.0, area: LandingArea | None = None
 ) -> tuple[Reason, ...]:
-    """What speaks against landing here: first what speaks against flat, then what flat leaves open.
+    """Reasons against landing here: those against flat, and when there are none, those that depend on the height.
 
-    Relief over the distance shrinks with height: from far up a box looks even that would tip a vehicle over, so where
-    the height is known the relief counts in metres, and the ground must be resolved finely enough to show such a box.
-    And with ``area``, the place to land on must itself be among what was measured.
+    Relief over the distance decreases with height: from far up, a box that would tip the vehicle over looks even.
+    Where the height is known, the relief is therefore limited in metres (``max_relief_m``), and so is the size on the
+    ground of the patches that tracks average over (``max_patch_m``). With ``area``, the landing area itself must have
+    been measured.
     """
     o = options
     reasons = against_flat(estimate, o, widen)
@@ -110,11 +119,11 @@ def against_landing(
 
 
 def against_touchdown(below: Disc, way: Disc, all_known: bool) -> tuple[Reason, ...]:
-    """What speaks against coming down on the ground map's discs straight below and on the way to the stopping point.
+    """Reasons of the ground map against landing: the discs straight below and on the path to the stopping point.
 
-    No disc of the way may be a hazard (``way``: the worst). The disc below must be landable, and with ``all_known``
-    so must all of the way: the autopilot lands at the stopping point, which in fast or low flight lies ahead of the
-    measured ground. Only a slower flight makes it known.
+    A vehicle that moves lands at its stopping point, ahead of where it is. No disc of the path may be a hazard
+    (``way`` is the worst of them). The disc ``below`` must be landable, and with ``all_known`` so must all discs of
+    the path: in fast or low flight they lie ahead of the measured ground, and only a slower flight makes them known.
     """
     for disc in (below, way):
         if disc.verdict == HAZARD:
@@ -127,7 +136,7 @@ def against_touchdown(below: Disc, way: Disc, all_known: bool) -> tuple[Reason, 
 
 
 class GroundBelow(Protocol):
-    """The ground map as the decision asks it."""
+    """What the decision needs of the ground map."""
 
     def under_way(self) -> tuple[Disc, Disc]:
         """At the newest frame: the disc straight below, and the worst from there to the stopping point."""
@@ -153,7 +162,7 @@ class _Held:
 
 
 class Decider:
-    """The verdict over time: flat for a dwell time before it is fit, wider limits while it is.
+    """The verdict over time: "fit" after ``dwell_s`` without a reason against landing, with hysteresis.
 
     The ground at the stopping point, which comes nearer as the vehicle brakes, must have been known for
     ``options.patience_s`` only: the map has fused several looks at it. Without ``area`` nothing is asked of where in
@@ -168,7 +177,7 @@ class Decider:
         self._verdict = Verdict("unknown", (Reason(Code.NOTHING_SEEN),), math.nan, False)
 
     def step(self, estimate: SurfaceEstimate) -> Verdict:
-        """Take the next estimate; times must not fall."""
+        """The verdict after the next estimate; times must not decrease."""
         o, now = self.options, estimate.time_s
         fit = self._verdict.verdict == "fit"
         reasons = against_landing(estimate, o, o.hysteresis if fit else 0.0, self.area)

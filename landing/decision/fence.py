@@ -28,7 +28,7 @@ class Fence:
             away.append(math.dist(i.local_ned[:2], begin.local_ned[:2]))
         if not all(m <= o.max_search_m + FENCE_MARGIN_M for m in away):
             return Why.FENCE_DISTANCE, f"{max(away):.1f} m"
-        rise = begin.place_ned[2] - i.place_ned[2]
+        rise = risen(begin, i)
         if not rise <= CLIMB_M + CLIMB_MARGIN_M:
             return Why.FENCE_HEIGHT, f"{rise:.1f} m above the start"
         if state is State.DESCEND and i.height_m < LOWEST_SHARE * o.hand_over_m:
@@ -36,3 +36,11 @@ class Fence:
         if not i.time_s - begin.time_s <= o.max_time_s:
             return Why.FENCE_TIME, ""
         return None
+
+
+def risen(begin: Inputs, now: Inputs) -> float:
+    """How far up it has come, m: by the view or the autopilot, whichever says more. NaN while the view's is unknown."""
+    seen = begin.place_ned[2] - now.place_ned[2]
+    if begin.local_ned is None or now.local_ned is None:
+        return seen
+    return max(seen, begin.local_ned[2] - now.local_ned[2]) if math.isfinite(seen) else seen

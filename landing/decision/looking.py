@@ -15,6 +15,11 @@ from landing.decision.procedure_options import (
 )
 
 
+def lowest_look(options: ProcedureOptions) -> float:
+    """Height to which looking and searching come down, m."""
+    return max(LOWEST_LOOK_M, LOWEST_LOOK_SHARE * options.hand_over_m)
+
+
 class Looking:
     """About the place where it began."""
 
@@ -43,7 +48,6 @@ class Looking:
 
     def lower(self, i: Inputs, looked_s: float) -> float:
         """Speed down while the ground stays unknown; 0 where it may go no lower."""
-        lowest = max(LOWEST_LOOK_M, LOWEST_LOOK_SHARE * self._options.hand_over_m)
-        if looked_s < LOOK_LOWER_S or not i.height_m > lowest:
+        if looked_s < LOOK_LOWER_S or not i.height_m > lowest_look(self._options):
             return 0.0
         return min(LOOK_SINK * i.height_m, CLIMB_SPEED)

@@ -15,10 +15,11 @@ Drawn with the safety case in docs/procedure.md.
 import math
 from collections.abc import Callable
 
+from landing.decision.arrival import arrived, beside, over, sink_share
 from landing.decision.choice import Choice
-from landing.decision.fence import Fence
+from landing.decision.fence import Fence, risen
 from landing.decision.guidance import Descent, Shaper, Spiral, towards
-from landing.decision.looking import Looking
+from landing.decision.looking import Looking, lowest_look
 from landing.decision.orders import (
     MOVING,
     ORDER_MAX_AGE_S,
@@ -33,11 +34,11 @@ from landing.decision.orders import (
 )
 from landing.decision.procedure_options import (
     ARM_SHARE,
-    ARRIVED_M,
     ARRIVED_SHARE,
     CLIMB_M,
     CLIMB_SPEED,
-    HANDED_OVER_M,
+    HOLD_CLIMB_M,
+    HOLD_CLIMB_SHARE,
     LIMIT_S,
     LOOK_ENOUGH_S,
     LOOK_LEAST_S,
@@ -45,9 +46,11 @@ from landing.decision.procedure_options import (
     OUR_MODES,
     OWN,
     SEARCH_FLOW,
-    SLOW_M_S,
+    SEARCH_LOWER,
+    SURE_S,
     TRIES,
     UNKNOWN_S,
+    UNSURE_S,
     ProcedureOptions,
 )
 from landing.decision.withheld import Withheld
@@ -66,12 +69,13 @@ class Procedure:
         self._spiral: Spiral | None = None
         self._since_s = self._seen_s = math.nan
         self._sure_s = math.nan
+        self._arrived_s = math.inf
         self._tries = 0
         self._followed = False
         self._origin: Vector = STILL
         self._place: Vector = STILL
         self._fence = Fence(options, Inputs(time_s=math.nan))
-        self._from_m = math.nan
+        self._begin_at = self._held_at = Inputs(time_s=math.nan)
         self._level = 0.0
         self._looking = Looking(options)
 
@@ -151,7 +155,7 @@ class Procedure:
         self._choice.forget()
         self._spiral, self._tries, self._followed = None, 0, False
         self._fence, self._origin = Fence(self.options, i), i.place_ned
-        self._from_m, self._level = i.height_m, i.place_ned[2]
+        self._begin_at, self._level = i, i.place_ned[2]
         self._shaper.begin(i.time_s, i.velocity_ned or STILL)
         self._go(State.START, Why.TAKING_OVER, i.time_s)
         return Order(OrderKind.START)
@@ -218,10 +222,9 @@ class Procedure:
             self._sure_s = i.time_s
             self._go(State.GO, Why.ON_THE_WAY, i.time_s)
             return self._approach(i)
-        if self._spiral is None:
-            arm = ARM_SHARE * max(i.height_m, 0.5) if math.isfinite(i.height_m) else LOOK_RADIUS_M
-            self._spiral = Spiral(self._origin, arm, i.time_s)
         self._level = i.place_ned[2]
+        if self._spiral is None:
+            self._spiral = self._new_spiral(i.height_m, i.time_s)
         self._go(State.SEARCH, Why.NO_SPOT, i.time_s)
         return STILL
 
@@ -231,7 +234,12 @@ class Procedure:
             self._go(State.CHOOSE, Why.CHOOSING, i.time_s)
             return STILL
         if self._spiral.radius_m > self.options.max_search_m:
-            return self._give_back(Why.SEARCHED_IN_VAIN, "", i.mode, i.quiet)
+            lower = max(SEARCH_LOWER * i.height_m, lowest_look(self.options))
+            if not lower < 0.85 * i.height_m:
+                return self._give_back(Why.SEARCHED_IN_VAIN, "", i.mode, i.quiet)
+            # what a place is like shows from lower down: once more, with arms as near as the picture is wide there
+            self._level = i.place_ned[2] + i.height_m - lower
+            self._spiral = self._new_spiral(lower, i.time_s)
         point, along = self._spiral.point, self._spiral.velocity(self._speed(i))
         back = towards(i.place_ned, point, self.options.max_speed)
         if math.dist(i.place_ned[:2], point[:2]) < LOOK_RADIUS_M:
@@ -241,20 +249,33 @@ class Procedure:
             along = (0.0, 0.0)
         return along[0] + back[0], along[1] + back[1], self._keep_level(i)
 
+    def _new_spiral(self, height_m: float, time_s: float) -> Spiral:
+        arm = ARM_SHARE * max(height_m, 0.5) if math.isfinite(height_m) else LOOK_RADIUS_M
+        return Spiral(self._origin, arm, time_s)
+
     def _approach(self, i: Inputs) -> Vector | Order:
         """GO: over the place, at the height there is."""
         if self._choice.step(i, self._origin):
-            self.why = Why.BETTER_SPOT
+            self.why, self._arrived_s = Why.BETTER_SPOT, math.inf
         spot = self._choice.spot_ned
         if spot is None or i.at_spot.verdict == HAZARD:
             return self._stop(i, Why.SPOT_LOST if spot is None else Why.SPOT_HAZARD)
-        off = math.dist(i.place_ned[:2], spot[:2])
-        if off <= max(ARRIVED_M, ARRIVED_SHARE * i.height_m) and self._slow(i, 2 * SLOW_M_S):
+        if arrived(i, spot):
+            self._arrived_s = min(self._arrived_s, i.time_s)
+        waited_s = i.time_s - self._arrived_s
+        if arrived(i, spot) and (i.at_spot.verdict == LANDABLE or waited_s > SURE_S):
             self._sure_s = i.time_s
             self._descent.begin(i.time_s)
             self._go(State.DESCEND, Why.COMING_DOWN, i.time_s)
-        north, east = towards(i.place_ned, spot, self.options.max_speed)
+        north, east = self._circle(i, spot, 1.0 if waited_s >= 0 else 0.0)
         return north, east, self._keep_level(i)
+
+    def _circle(self, i: Inputs, spot: Vector, share: float) -> tuple[float, float]:
+        """Velocity along the circle about the place on which its ground shows; ``share`` of the usual radius."""
+        offset, along = self._descent.circle(i.time_s, i.height_m, share, 0.5 * self.options.max_speed)
+        aim = spot[0] + offset[0], spot[1] + offset[1], spot[2]
+        north, east = towards(i.place_ned, aim, self.options.max_speed)
+        return north + along[0], east + along[1]
 
     def _come_down(self, i: Inputs) -> Vector | Order:
         o, height = self.options, i.height_m
@@ -272,29 +293,25 @@ class Procedure:
             return self._stop(i, Why.SPOT_UNKNOWN)
         if not known:
             return STILL
-        off = math.dist(i.place_ned[:2], spot[:2])
-        if off > ARRIVED_M + 4 * ARRIVED_SHARE * height:
+        if beside(i, spot, 4 * ARRIVED_SHARE):
             # another place was found, or a gust: not down beside it
             self._level = i.place_ned[2]
             self._go(State.GO, Why.BETTER_SPOT, i.time_s)
             return self._approach(i)
         low = height / o.hand_over_m
-        if low <= 1.05 and unsure_s <= 0.5 and self._over(i, spot):
+        if low <= 1.05 and unsure_s <= 0.5 and over(i, spot):
             self._go(State.HAND_OVER, Why.AT_THE_SPOT, i.time_s)
             return Order(OrderKind.LAND)
-        self.why = Why.SPOT_UNSURE if unsure_s > 0.3 else Why.COMING_DOWN
-        share = (0.5 if unsure_s > 0.3 else 1.0) * min(max((low - 0.97) / 0.08, 0.0), 1.0)
+        self.why = Why.SPOT_UNSURE if unsure_s > UNSURE_S else Why.COMING_DOWN
+        share = sink_share(i, spot, unsure_s, low)
         sink = self._descent.sink(i.time_s, height, i.approach, share) if share else 0.0
-        offset, along = self._descent.circle(
-            i.time_s, height, min(max((low - 1.2) / 0.5, 0.0), 1.0), 0.5 * o.max_speed
-        )
-        aim = spot[0] + offset[0], spot[1] + offset[1], spot[2]
-        north, east = towards(i.place_ned, aim, o.max_speed)
-        return north + along[0], east + along[1], sink
+        north, east = self._circle(i, spot, min(max((low - 1.2) / 0.5, 0.0), 1.0))
+        return north, east, sink
 
     def _hold(self, i: Inputs) -> Vector:
         """Stopped, and a little higher."""
-        climb = self._climb(i, 1.3 * self._from_m)
+        wanted = min(HOLD_CLIMB_SHARE * self._held_at.height_m, HOLD_CLIMB_M)
+        climb = CLIMB_SPEED if risen(self._held_at, i) < wanted and self._has_room(i) else self._climb(i)
         if i.time_s - self._since_s > 1.0 and not climb:
             self._looking.begin(i.place_ned)
             self._go(State.LOOK, Why.GROUND_UNKNOWN, i.time_s)
@@ -304,8 +321,11 @@ class Procedure:
         self._tries += 1
         if self._tries > TRIES:
             return self._give_back(Why.TOO_MANY_TRIES, "", i.mode, i.quiet)
-        self._choice.refuse()
-        self._from_m = i.height_m
+        if why is Why.SPOT_HAZARD:
+            self._choice.refuse()
+        else:
+            self._choice.drop()
+        self._held_at = i
         self._go(State.HOLD, why, i.time_s)
         return STILL
 
@@ -315,24 +335,16 @@ class Procedure:
         most = self.options.max_speed
         return min(most, max(SEARCH_FLOW * i.height_m, 0.4)) if math.isfinite(i.height_m) else 0.6 * most
 
-    def _climb(self, i: Inputs, height_m: float = math.nan) -> float:
-        """Speed up to a height, and to one from which the disc is seen; 0 where it is there or may go no higher."""
-        wanted = max(1.2 * self.options.hand_over_m, height_m if math.isfinite(height_m) else 0.0)
-        room = self._origin[2] - i.place_ned[2] < CLIMB_M
-        return CLIMB_SPEED if i.height_m < wanted and room else 0.0
+    def _climb(self, i: Inputs) -> float:
+        """Speed up to a height from which the disc is seen; 0 where it is there or may go no higher."""
+        return CLIMB_SPEED if i.height_m < 1.2 * self.options.hand_over_m and self._has_room(i) else 0.0
+
+    def _has_room(self, i: Inputs) -> bool:
+        return risen(self._begin_at, i) < CLIMB_M
 
     def _keep_level(self, i: Inputs) -> float:
         return min(max(0.8 * (self._level - i.place_ned[2]), -CLIMB_SPEED), CLIMB_SPEED)
 
-    def _slow(self, i: Inputs, limit: float) -> bool:
-        return i.velocity_ned is not None and math.hypot(*i.velocity_ned[:2]) <= limit
-
-    def _over(self, i: Inputs, spot: Vector) -> bool:
-        """Whether the stopping point is the place."""
-        if i.velocity_ned is None or not self._slow(i, SLOW_M_S):
-            return False
-        stop = i.place_ned[0] + i.velocity_ned[0], i.place_ned[1] + i.velocity_ned[1]
-        return math.dist(stop, spot[:2]) <= HANDED_OVER_M
-
     def _go(self, state: State, why: Why, time_s: float, about: str = "") -> None:
         self.state, self.why, self._since_s, self._about = state, why, time_s, about
+        self._arrived_s = math.inf

@@ -28,21 +28,27 @@ LOWEST_LOOK_M, LOWEST_LOOK_SHARE, LOOK_SINK = 2.5, 1.6, 0.15
 """Not below that height, that share of the hand-over's; and the sink over height meanwhile, 1/s."""
 LOOK_RADIUS_M = 1.5
 """Farthest to each side while it looks."""
-ARM_SHARE = 0.9
+SEARCH_LOWER = 0.6
+"""A search in vain is flown once more from so much of its height."""
+ARM_SHARE = 0.7
 """Distance of the spiral's arms over the height: less than the picture is wide."""
 SEARCH_FLOW = 0.4
 """Speed over height while it looks and searches, 1/s."""
 CLIMB_M = 2.5
 """Farthest above the height at which it began."""
 CLIMB_SPEED = 0.5
+HOLD_CLIMB_SHARE, HOLD_CLIMB_M = 0.3, 1.0
+"""How much it climbs where a place turned out unfit: of the height, and at most."""
 ARRIVED_M, ARRIVED_SHARE = 0.25, 0.08
 """Over the place: so near, in metres and in shares of the height."""
 SLOW_M_S = 0.25
 """Slow enough over the place to begin the descent, and to hand over."""
 HANDED_OVER_M = 0.12
 """How near the stopping point must be to the place for the hand-over."""
-UNKNOWN_S = 1.5
-"""How long the chosen disc may be unknown before it stops."""
+SURE_S = 4.0
+"""How long it circles over the place at most for its ground to be known before it comes down."""
+UNSURE_S, UNKNOWN_S = 0.3, 1.5
+"""How long the chosen disc may be unknown before it comes down slower, and until it stops."""
 TRIES = 4
 FENCE_MARGIN_M = 1.5
 """Beyond the search: brakes and drift."""

@@ -54,16 +54,27 @@ class _Usual:
 class AppearanceChange:
     """Compares the brightness of sides with that of the view behind them, and with what is usual there."""
 
-    def __init__(self, options: EstimatorOptions, camera: CameraModel) -> None:
+    def __init__(self, options: EstimatorOptions, camera: CameraModel, kept_px: float) -> None:
+        self._kept_px = kept_px
+        self._left_px = dict.fromkeys(range(len(SIDES)), 0.0)
         self._possible = min(camera.width, camera.height) >= 2 * _INNER.stop
         self._sigmas = options.border_unlike_sigmas
         self._sides = [_Usual(axis, far, options.border_unlike / self._sigmas) for axis, far in SIDES]
 
-    def step(self, image: Image, sides: set[int]) -> set[int]:
-        """Those of ``sides`` (numbers in ``border.SIDES``) where a raw image (height, width) changes in brightness."""
+    def step(self, image: Image, sides: set[int], moved_px: float = math.inf) -> set[int]:
+        """The sides (numbers in ``border.SIDES``) where ground looks different from the rest and is not measured yet.
+
+        ``sides`` are those of the raw image (height, width) at which ground has come in, ``moved_px`` how far the view
+        has moved since the frame before: what changed stays in doubt until it is far enough in to be measured.
+        """
         if not self._possible:
             return set()
-        return {number for number in sides if self._sides[number].step(image) > self._sigmas}
+        for number in self._left_px:
+            self._left_px[number] -= moved_px
+        for number in sides:
+            if self._sides[number].step(image) > self._sigmas:
+                self._left_px[number] = self._kept_px
+        return {number for number, left_px in self._left_px.items() if left_px > 0}
 
 
 def _brightness(lines: Image) -> float:

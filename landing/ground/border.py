@@ -130,8 +130,12 @@ class _Side:
 class Border:
     """Looks at the sides of each frame for ground that does not fit the plane."""
 
-    def __init__(self, options: EstimatorOptions, camera: CameraModel) -> None:
+    def __init__(self, options: EstimatorOptions, camera: CameraModel, kept_px: float) -> None:
         self.options, self.camera = options, camera
+        self.kept_px = kept_px
+        """Motion over which a doubt lasts: until the ground that raised it is far enough in to be measured."""
+        self.moved_px = math.inf
+        """Motion at the last step since the frame before, infinite where that was not looked at."""
         self._warp = Warp(camera)
         self._barred = camera.barred(1)
         self._sides = [_Side(camera, axis, far) for axis, far in SIDES]
@@ -153,11 +157,11 @@ class Border:
         """
         o, follows = self.options, self._frame == views.tracker.frame - 1
         self._frame = views.tracker.frame
+        self.moved_px = self._moved_px(views, plane) if follows else math.inf
         if follows:
-            moved_px = self._moved_px(views, plane)
-            self._came_px += moved_px
-            self._since_px += moved_px
-            if self._since_px > o.border_kept_px:
+            self._came_px += self.moved_px
+            self._since_px += self.moved_px
+            if self._since_px > self.kept_px:
                 self.suspect = None
             if self.suspect is None and self._came_px < o.border_step_px:
                 return None

@@ -1,8 +1,10 @@
-"""Where the vehicle can stand: the disc of its own size about every cell of the ground map, by the same rules.
+"""Where the vehicle can land: the disc of the vehicle's size about each cell of the ground map is classified.
 
-A disc is a least-squares plane through its known cells: the plane's inclination, the largest distance of a cell from
-it (the step), and the share of the disc that is known. It is landable when all three are sure to be within limits, a
-hazard when one is sure to be beyond, and unknown else.
+In: the ``GroundMap`` (heights and variances, m) and the limits (``GroundOptions``). Out: ``Disc`` for a cell, the
+worst of a path, and the best places (``Spot``). A plane is fitted to the known cells of a disc by least squares. Its
+inclination (deg), the largest distance of a cell from it (the step, m) and the known share are compared with their
+limits: landable when all are within them with their uncertainty, hazard when inclination or step is beyond with its
+uncertainty, else unknown.
 """
 
 import math
@@ -23,11 +25,11 @@ Mask = NDArray[np.bool_]
 NAN = math.nan
 _MOST_SPOTS = 5
 _LOOKED_AT = 0.3
-"""Known share of a disc from which it may turn out a hazard."""
+"""Least known share of a disc for a plane fit; with less it is unknown, never a hazard."""
 _INDEPENDENT_CELLS = 9
 """Cells of a disc whose errors count as independent: neighbours share the windows of their matches."""
 _NEAR_M, _FAR_HAZARD_M = 0.5, 1.0
-"""A metre of distance counts as much as half a metre of clearance; beyond a metre clearance does not matter."""
+"""Ranking of spots: 1 m of distance counts as much as 0.5 m of clearance; clearance above 1 m counts as 1 m."""
 
 
 class GroundCode(StrEnum):
@@ -47,7 +49,11 @@ LANDABLE, HAZARD, UNKNOWN = "landable", "hazard", "unknown"
 
 @dataclass(frozen=True, slots=True)
 class Disc:
-    """A disc of ground: ``verdict`` "landable", "hazard" or "unknown", why, and what was measured (NaN: nothing)."""
+    """A disc of ground: ``verdict`` "landable", "hazard" or "unknown", the reasons, and the measurements (NaN:
+    unknown).
+
+    ``known``: share of its cells with a height. Landable has no reasons.
+    """
 
     verdict: str
     reasons: tuple[GroundCode, ...]
@@ -59,7 +65,10 @@ class Disc:
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """A landable disc, from the vehicle; ``clearance_m``: how far its edge is from what is not landable."""
+    """A landable disc; its centre is ``north_m`` and ``east_m`` from the vehicle.
+
+    ``clearance_m``: distance from its centre to the nearest cell whose disc is not landable.
+    """
 
     north_m: float
     east_m: float
@@ -70,7 +79,12 @@ class Spot:
 
 
 class Discs:
-    """The discs about cells of a map: ``known``, ``inclination_deg``, ``step_m``, ... (rows, columns)."""
+    """The discs of a map at one moment: ``known``, ``inclination_deg``, ``step_m``, ... (rows, columns), NaN where
+    unknown.
+
+    ``hidden``: an area of two cells a side without heights lies in the disc, which could hide a step.
+    ``least_step_m``: the step minus its uncertainty.
+    """
 
     def __init__(
         self,
@@ -80,9 +94,10 @@ class Discs:
         scale_std: float,
         cells: NDArray[np.intp] | None = None,
     ) -> None:
-        """``tilt_std_deg``: error of level, one sigma; ``scale_std``: relative error of metres.
+        """``tilt_std_deg``: error of the vertical, one sigma; ``scale_std``: relative error of the map's scale, one
+        sigma.
 
-        ``cells`` (n,) are flat indices; without them every disc is worked out of which enough is known.
+        ``cells`` (n,) are flat indices of the discs to compute; None: every disc of which enough is known.
         """
         self.options, self._tilt_std_deg = options, tilt_std_deg
         self._metres = math.isfinite(scale_std) and scale_std <= options.max_scale_std
@@ -108,7 +123,7 @@ class Discs:
             self._fit(ground, known, gaps, cells)
 
     def _fit(self, ground: GroundMap, known: Mask, gaps: NDArray[Any], cells: NDArray[np.intp]) -> None:
-        """Least-squares planes of discs; heights count from that of each disc's middle of what is known."""
+        """Least-squares plane of each disc: height = north * x + east * y about the mean of its known cells."""
         row, column = (part[:, None] for part in np.divmod(cells, CELLS))
         r, c = row + self._down, column + self._across
         within = (r >= 0) & (r < CELLS) & (c >= 0) & (c < CELLS)
@@ -132,7 +147,7 @@ class Discs:
         cxx = weight @ (x * x) - count * mx * mx
         cxy = weight @ (x * y) - count * mx * my
         cyy = weight @ (y * y) - count * my * my
-        # the heights' mean is nothing
+        # the mean of the heights was subtracted
         bx, by = height @ x, height @ y
         determinant = np.maximum(cxx * cyy - cxy * cxy, 1e-12)
         north = (cyy * bx - cxy * by) / determinant
@@ -148,7 +163,7 @@ class Discs:
 
     @property
     def inclination_std_deg(self) -> Array:
-        """Standard deviation (rows, columns)."""
+        """Standard deviation of the inclination (rows, columns): error of the vertical and noise of the heights."""
         lever = self.options.landing_radius_m / 2 * math.sqrt(_INDEPENDENT_CELLS)
         return np.hypot(self._tilt_std_deg, np.degrees(self.std_m / lever))
 
@@ -239,7 +254,7 @@ class Discs:
 
 
 def worst(discs: list[Disc]) -> Disc:
-    """The one that speaks most against landing; unknown when there is none."""
+    """The disc with the worst verdict, of equal ones the least known; unknown for an empty list."""
     order = {HAZARD: 0, UNKNOWN: 1, LANDABLE: 2}
     return min(
         discs, key=lambda d: (order[d.verdict], d.known), default=Disc(UNKNOWN, (GroundCode.NOT_SEEN,))

@@ -184,6 +184,10 @@ class Views:
         old, new = self.view(gap).ned_from_camera, self.newest.ned_from_camera
         return None if old is None or new is None else old.T @ new
 
+    def measured(self, gap: int) -> bool:
+        """Whether the rotation over the last ``gap`` frames is known."""
+        return self.newest.ned_from_camera is not None and self.view(gap).ned_from_camera is not None
+
     def turn_change(self, gap: int) -> tuple[Array, Array] | None:
         """The error (3,) rad of ``rotation(gap)`` for each second of lateness, and what of it is taken out already."""
         rotation, old, new = self.rotation(gap), self.view(gap), self.newest

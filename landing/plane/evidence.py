@@ -1,9 +1,12 @@
-"""Evidence over time: estimates of one surface fused in the world frame, until they disagree.
+"""Evidence over time: the slopes of several frames are fused in the world frame while they agree.
 
-The normal of a plane is constant in the world while the vehicle turns and moves, so older estimates still speak of
-it. Going back from the newest, estimates are fused as long as each agrees with what is newer (a test on the
-innovations); the first disagreement is where the surface changed, and all that is older is left out. Nothing
-lags: the newest estimate is always part of the result. One alone against many that agree has to disagree more.
+In: slope tangents (a, b) of the surface Z = h + aX + bY in the camera frame, their covariance, and the camera's
+attitude, at each frame. Out: the fused slope in the newest camera frame. The normal of a plane is constant in the
+world while the vehicle rotates and moves, so older estimates are measurements of the same normal. From the newest
+backwards, each estimate is tested (chi-square of the innovation) against the fusion of the newer ones. The first that
+fails marks a change of the surface; it and all older ones are left out. There is no lag, since the newest estimate is
+always included. A single newest estimate that disagrees with many consistent ones may be an outlier and needs a
+larger difference.
 """
 
 import math
@@ -16,18 +19,22 @@ Array = NDArray[np.float64]
 
 
 _CAPACITY = 512
-"""Estimates remembered at most; half of them when the store is full."""
+"""Size of the ring of stored estimates; when it is full, the older half is dropped."""
 _TINY = 1e-3
-"""Step of the differences by which sensitivities are turned."""
+"""Step of the finite differences that rotate sensitivities."""
 _MANY = 3
-"""Estimates that agree among themselves, against which one alone may be a stray."""
+"""Number of consistent estimates from which a single other one may be an outlier."""
 
 
 @dataclass(frozen=True, slots=True)
 class EvidenceOptions:
-    """``memory_s`` how far back, ``drift_std`` slope tangent per root second, ``agreement`` chi-square of two
-    degrees at which two estimates disagree and ``agreement_alone`` that at which the newest alone disagrees with those
-    before it, ``overlap`` the share of a baseline after which the next estimate counts as new."""
+    """``memory_s``: age up to which estimates are used, s. ``drift_std``: random walk of the slope, tangent per root
+    second.
+
+    ``agreement``: chi-square (two degrees of freedom) above which an estimate disagrees with the newer ones;
+    ``agreement_alone``: the same for the newest one against all before it. ``overlap``: share of a baseline after
+    which the next estimate counts as independent. ``floor_std``: error of the result that no fusion removes, tangent.
+    """
 
     memory_s: float
     drift_std: float
@@ -38,7 +45,10 @@ class EvidenceOptions:
 
 
 class Evidence:
-    """Remembers the estimates of the last seconds; ``fuse`` returns the slope in the newest camera frame."""
+    """Stores the estimates of the last ``memory_s``; ``fuse`` returns the slope in the newest camera frame.
+
+    ``used`` is the number of estimates in the last fusion.
+    """
 
     def __init__(self, options: EvidenceOptions) -> None:
         self.options = options
@@ -49,16 +59,16 @@ class Evidence:
         self._slope, self._covariance = np.zeros((2, _CAPACITY)), np.zeros((3, _CAPACITY))
         """Slope tangents x and y in the world; their covariance xx, xy, yy."""
         self._sensitivity = np.zeros((2, _CAPACITY))
-        """What each slope changes by per unit of an unknown that all of them share."""
+        """Derivative (2, n) of each slope by a parameter that all share: the rolling-shutter readout, s."""
         self._lens: Array = np.zeros((2, 0, _CAPACITY))
-        """What each slope changes by with every error of the lens, each of unit variance."""
+        """Change (2, k, n) of each slope with each of k independent lens errors of unit variance."""
         self.sensitivity = np.zeros(2)
-        """The same of the slopes that were fused last (2,), in the world."""
+        """Derivative (2,) of the slope that was fused last by the shared parameter, in the world frame."""
         self._fused: tuple[float, Array, Array] | None = None
-        """When they were fused, the slopes (2,) and their covariance (2, 2), but for the unknown."""
+        """Time, slope (2,) and covariance (2, 2) of the last fusion, without the error of the shared parameter."""
 
     def clear(self) -> None:
-        """Forget: the surface is another one."""
+        """Forget all estimates: the surface is another one."""
         self._first = self._end = 0
         self._fused = None
 
@@ -74,10 +84,10 @@ class Evidence:
         sensitivity: Array | None = None,
         lens: Array | None = None,
     ) -> None:
-        """Remember the slope tangents (a, b) with covariance (2, 2), from a baseline of ``gap`` frames.
+        """Store the slope tangents (a, b) with covariance (2, 2), from a baseline of ``gap`` frames.
 
-        ``sensitivity`` (2,): what they change by per unit of the unknown that all of them share. ``lens`` (2, k): by
-        each of k errors of the lens, of unit variance.
+        ``sensitivity`` (2,): their derivative by the shared parameter. ``lens`` (2, k): their change with each of k
+        lens errors of unit variance.
         """
         turned = to_world(ned_from_camera, a, b, covariance)
         if turned is None:
@@ -107,14 +117,17 @@ class Evidence:
         self._end += 1
 
     def shift(self, change: float) -> None:
-        """The unknown that all share has been put right by so much: the slopes with it."""
+        """The estimate of the shared parameter changed by ``change``: correct all stored slopes accordingly."""
         self._slope += self._sensitivity * change
         if self._fused is not None:
             time_s, slope, covariance = self._fused
             self._fused = time_s, slope + self.sensitivity * change, covariance
 
     def expected(self, time_s: float, ned_from_camera: Array) -> tuple[Array, Array, Array] | None:
-        """What was fused last, in this camera's axes: (a, b) (2,), their covariance (2, 2), their sensitivity (2,)."""
+        """The last fusion as a prediction in these camera axes: (a, b) (2,), covariance (2, 2), sensitivity (2,).
+
+        None when there was none within ``memory_s``.
+        """
         if self._fused is None or time_s - self._fused[0] > self.options.memory_s:
             return None
         then_s, slope, covariance = self._fused
@@ -145,9 +158,10 @@ class Evidence:
     def fuse(
         self, time_s: float, ned_from_camera: Array, unknown_std: float = 0.0
     ) -> tuple[float, float, Array] | None:
-        """(a, b, covariance (2, 2)) in the newest camera frame, None without anything remembered.
+        """(a, b, covariance (2, 2)) in the newest camera frame; None when nothing is stored.
 
-        ``unknown_std`` is the doubt about the unknown that all estimates share: fusing does not take it out.
+        ``unknown_std``: standard deviation of the shared parameter. Its error is common to all estimates, so that
+        fusion does not reduce it.
         """
         o = self.options
         self._forget(time_s)
@@ -196,7 +210,7 @@ class Evidence:
         return int(apart[0]) + 1 if len(apart) else slope.shape[1]
 
     def _against_a_stray(self, slope: Array, covariance: Array, share: Array, counted: Array) -> int:
-        """How many estimates agree with the newest after all, as it is no farther off than a stray may be."""
+        """How many estimates before the newest are consistent, if it differs from them by no more than an outlier."""
         older, older_share = covariance[:, 1:], share[1:]
         _, summed, mean = _running(counted[:, 1:], slope[:, 1:])
         count = self._agreeing(slope[:, 1:], older, older_share, summed, mean)
@@ -212,7 +226,7 @@ class Evidence:
 
 
 def to_world(ned_from_camera: Array, a: float, b: float, covariance: Array) -> tuple[Array, Array] | None:
-    """Slope tangents of the normal in the world (2,) and their covariance; None for a wall."""
+    """Slope tangents (2,) of the surface normal in the world frame and their covariance; None for a wall."""
     rows = ned_from_camera.tolist()
     x, y, z = (z - x * a - y * b for x, y, z in rows)
     if z < 0.1:

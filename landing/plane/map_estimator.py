@@ -12,6 +12,7 @@ from landing.options import EstimatorOptions
 from landing.plane.evidence import Evidence, EvidenceOptions, slope_std
 from landing.plane.plane import Plane, RotationError, RowsError
 from landing.plane.planefit import FitPrior, PlaneFit, fit_plane
+from landing.plane.second_plane import second_plane
 from landing.vision.rolling_shutter import Motion
 
 Array = NDArray[np.float64]
@@ -76,11 +77,18 @@ class MapEstimator:
                 None if fit.sensitivity is None else (fit.covariance @ fit.sensitivity.gradient)[3:5],
                 fit.lens[3:5],
             )
-        if newest.ned_from_camera is None or not baseline.derotated:
-            if fit is None:
-                return Plane("motion_too_small", gap=gap)
-            lens = fit.lens[3:5]
-            return self._plane(views, baseline, fit, fit.a, fit.b, fit.covariance[3:5, 3:5] + lens @ lens.T)
+        if newest.ned_from_camera is None:
+            return self._without_attitude(views, baseline, fit)
+        if not baseline.derotated:
+            # what was fused with attitudes is surer than a plane that may be the wrong one of two
+            fused = (
+                self.evidence.fuse(newest.time_s, newest.ned_from_camera, views.rows.std_s)
+                if self._still_seen(views)
+                else None
+            )
+            if fused is None:
+                return self._without_attitude(views, baseline, fit)
+            return self._plane(views, baseline, fit, *fused)
         if fit is None and not self._still_seen(views):
             self.evidence.clear()
         fused = self.evidence.fuse(newest.time_s, newest.ned_from_camera, views.rows.std_s)
@@ -88,6 +96,19 @@ class MapEstimator:
             return Plane("motion_too_small", gap=gap)
         plane = self._plane(views, baseline, fit, *fused)
         return plane if rows_error is None else replace(plane, rows_error=rows_error)
+
+    def _without_attitude(self, views: Views, baseline: Baseline, fit: PlaneFit | None) -> Plane:
+        """The plane of one baseline whose rotation nobody measured: it may be the other one of two."""
+        if fit is None:
+            return Plane("motion_too_small", gap=baseline.gap)
+        lens = fit.lens[3:5]
+        covariance = fit.covariance[3:5, 3:5] + lens @ lens.T
+        second = second_plane(fit, baseline.old_from_new, baseline.tracks.new)
+        if second is not None:
+            slopes, share = second
+            apart = slopes - (fit.a, fit.b)
+            covariance = covariance + share * np.outer(apart, apart)
+        return self._plane(views, baseline, fit, fit.a, fit.b, covariance)
 
     def _rows_error(self, views: Views, fit: PlaneFit | None) -> RowsError | None:
         """What the fit, and its slopes against those fused before, say of the rows' readout."""
@@ -129,6 +150,10 @@ class MapEstimator:
         gaps, count, flow = views.profile(o.min_tracks, o.map_keep_tracks, _SAMPLE)
         flow_px = flow * self.focal_px
         information = np.where(flow_px <= o.map_max_flow_px, count * flow_px**2, -1.0)
+        measured = np.array([views.measured(gap) for gap in gaps.tolist()])
+        if (measured & (flow_px >= o.map_min_flow_px)).any():
+            # without a rotation a plane is one of two
+            information = np.where(measured, information, -1.0)
         best = int(information.argmax())
         return int(gaps[best]), float(flow_px[best])
 

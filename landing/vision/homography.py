@@ -1,4 +1,9 @@
-"""Homographies of normalised image points: by least squares, robustly, and as a map to warp an image by."""
+"""Homographies of normalised image points: least squares, a robust start, and warps of whole images.
+
+A homography ``new_from_old`` (3, 3) takes homogeneous points (x, y, 1) of one image to another up to scale (Hartley
+and Zisserman, Multiple View Geometry, chapter 4). Two views of a plane are related by one. Points are (n, 2),
+normalised (Z = 1).
+"""
 
 import math
 from collections.abc import Sequence
@@ -20,20 +25,23 @@ _ALL = slice(None)
 
 
 def apply(h: Array, points: Points) -> Points:
-    """Points (n, 2) after the homography (3, 3)."""
+    """Points (n, 2) transformed by the homography ``h`` (3, 3)."""
     if not len(points):
         return np.empty((0, 2))
     return np.asarray(cv2.perspectiveTransform(points[:, None], h)[:, 0], np.float64)
 
 
 def towards(t: Sequence[float] | Array, normal: Sequence[float] | Array) -> Array:
-    """I - t n^T (3, 3): points on a plane of the normal n (3,) as seen after a displacement over height t (3,)."""
+    """I - t n^T (3, 3), the homography of a plane: normal n = (-a, -b, 1), camera displacement over distance t (3,)."""
     (x, y, z), (a, b, c) = t, normal
     return np.array(((1 - x * a, -x * b, -x * c), (-y * a, 1 - y * b, -y * c), (-z * a, -z * b, 1 - z * c)))
 
 
 def least_squares(p: Points, q: Points) -> Array | None:
-    """Homography (3, 3) from p to q, both (n, 2) about the origin and of size one; None where undetermined."""
+    """Least-squares homography (3, 3) from p to q (n, 2), with its last element 1; None where undetermined.
+
+    The points must be centred near the origin and of size about one, as normalised image points are.
+    """
     x, y, u, v = p[:, 0], p[:, 1], q[:, 0], q[:, 1]
     n = len(p)
     rows = np.zeros((9, 2, n))
@@ -50,7 +58,11 @@ def least_squares(p: Points, q: Points) -> Array | None:
 
 
 def robust(p: Points, q: Points, hypotheses: int = 96, seed: int = 1) -> Array | None:
-    """Homography (3, 3) of (n, 2) points by a batch of four-point hypotheses and two refits; least median wins."""
+    """Homography (3, 3) from p to q (n, 2) in spite of outliers; None where the points determine none.
+
+    Least median of squares: of ``hypotheses`` random samples of four points, the homography with the smallest median
+    squared error, then two refits to the points within six medians. ``seed`` makes it repeatable.
+    """
     n = len(p)
     rng = np.random.default_rng(seed)
     pick = rng.random((hypotheses, n)).argpartition(3, axis=1)[:, :4]
@@ -93,7 +105,10 @@ def robust(p: Points, q: Points, hypotheses: int = 96, seed: int = 1) -> Array |
 
 
 def stretch(h: Array) -> float:
-    """How much the homography changes small patterns about the axis: largest change over their size."""
+    """How much ``h`` deforms a small pattern at the image centre: its largest change of length over its size.
+
+    The larger singular value of the Jacobian at the origin minus the identity; 0 for a pure shift.
+    """
     (a, b, x), (c, d, y), (p, q, w) = h.tolist()
     a, b, c, d = (a - x / w * p) / w - 1, (b - x / w * q) / w, (c - y / w * p) / w, (d - y / w * q) / w - 1
     # the larger singular value of a (2, 2) matrix
@@ -101,7 +116,7 @@ def stretch(h: Array) -> float:
 
 
 class Warp:
-    """Makes an image look as if taken from where another one was taken, the lens's distortion included."""
+    """Warps an image of a plane to the viewpoint of another image, including the lens distortion."""
 
     def __init__(self, camera: CameraModel) -> None:
         self.camera = camera
@@ -113,7 +128,7 @@ class Warp:
         self._nodes = camera.undistort(nodes).reshape(rows, columns, 2)
 
     def __call__(self, image: NDArray[np.uint8], new_from_old: Array) -> NDArray[np.uint8]:
-        """The old ``image`` (height, width) as the new camera sees it, for a homography of normalised points."""
+        """The old ``image`` (height, width) as seen in the new view; outside of it its border is mirrored."""
         old_from_new = np.linalg.inv(new_from_old).astype(np.float64, copy=False)
         places = self.places(old_from_new)
         warped = cv2.remap(image, places, _NO_SECOND_MAP, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT_101)
@@ -122,7 +137,10 @@ class Warp:
     def places(
         self, other_from_this: Array, rows: slice = _ALL, columns: slice = _ALL
     ) -> NDArray[np.float32]:
-        """Pixels (..., 2) in another view of this one's pixels in ``rows`` and ``columns``, linear between nodes."""
+        """Pixel coordinates (rows, columns, 2), x and y, in another view of this view's pixels.
+
+        They are exact at the nodes every ``_STEP`` pixels and interpolated linearly between them.
+        """
         (top, bottom, first_row, last_row), (left, right, first, last) = (
             _span(part, size) for part, size in ((rows, self.camera.height), (columns, self.camera.width))
         )

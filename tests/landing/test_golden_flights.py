@@ -5,25 +5,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from replay_support import FLIGHTS, NAMES, Replayed, replayed, run
+from replay_support import FLIGHTS, Replayed, replayed, run
 from score import Score, score, truth_of
 
 QUADRATIC = ("--set", "estimator.method=quadratic")
-MEDIAN_DEG = {
-    "stairs_a": 0.5,
-    "ramp_a": 0.5,
-    "agile_a": 0.5,
-    "rubble_a": 0.5,
-    "descent_a": 2.5,
-    "stairs_c": 2.5,
-}
+MEDIAN_DEG = {"stairs_a": 0.5, "ramp_a": 0.5, "agile_a": 0.5, "descent_a": 2.5}
+"""Flights for the method that is kept for comparison; the default one is measured on all of them (test_golden_map)."""
 P95_DEG = 2.6
-FINE = ("stairs_a", "ramp_a", "agile_a", "rubble_a")
+FINE = ("stairs_a", "ramp_a", "agile_a")
 COVERAGE = 0.85
 STEEP_RAMP_DEG = 20.0
 
 
-@pytest.fixture(scope="module", params=NAMES)
+@pytest.fixture(scope="module", params=MEDIAN_DEG)
 def quadratic(request: pytest.FixtureRequest, replay_cache: Path) -> tuple[str, Replayed, Score]:
     replay = replayed(replay_cache, request.param, *QUADRATIC)
     return request.param, replay, score(FLIGHTS / request.param, replay.estimates)
@@ -57,10 +51,9 @@ def test_the_summary_counts_the_frames_and_says_how_fast_it_was(quadratic: tuple
     assert "not requested" in replay.summary
 
 
-@pytest.mark.parametrize("flight", ["stairs_a", "stairs_c"])
-def test_the_same_flight_gives_the_same_bytes_twice(flight: str, replay_cache: Path, tmp_path: Path):
-    again = run(FLIGHTS / flight, tmp_path, *QUADRATIC)
-    first = replayed(replay_cache, flight, *QUADRATIC)
+def test_the_same_flight_gives_the_same_bytes_twice(replay_cache: Path, tmp_path: Path):
+    again = run(FLIGHTS / "rubble_a", tmp_path)
+    first = replayed(replay_cache, "rubble_a", "--set", "estimator.method=map")
     assert again.out == first.out
     assert (again.folder / "events.jsonl").read_bytes() == (first.folder / "events.jsonl").read_bytes()
 

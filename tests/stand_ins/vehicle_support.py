@@ -1,4 +1,4 @@
-"""A vehicle for tests: speaks MAVLink on a real UDP socket, plays a recorded tlog, answers commands as told."""
+"""A vehicle for tests: speaks MAVLink on a real UDP socket, plays a recorded tlog, answers commands as configured."""
 
 import heapq
 import math

@@ -285,7 +285,7 @@ class DaemonBench:
         return (message["time_unix_us"] - self.clock.host_us(0)) / 1e6
 
     def problems(self) -> set[str]:
-        """Every problem that health ever told."""
+        """Every problem that health ever reported."""
         return {p for h in self.of("health") for p in h["problems"]}
 
     def counters(self) -> dict[str, int]:

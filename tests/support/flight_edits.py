@@ -116,3 +116,20 @@ def rc_channels(switch_us: int, channel: int = 8) -> dialect.MAVLink_rc_channels
     pulses = [1500] * 4 + [1000] * 14
     pulses[channel - 1] = switch_us
     return dialect.MAVLink_rc_channels_message(0, 18, *pulses, 200)
+
+
+class HeldBack:
+    """An edit of a played recording: messages sent in a span are held, then come at ``pace`` for each that is sent."""
+
+    def __init__(self, from_s: float, to_s: float, pace: int) -> None:
+        self._from_s, self._to_s, self._pace = from_s, to_s, pace
+        self._held: list[bytes] = []
+
+    def __call__(self, t_s: float, frame: bytes) -> list[bytes]:
+        if t_s < self._from_s:
+            return [frame]
+        self._held.append(frame)
+        if t_s < self._to_s:
+            return []
+        out, self._held = self._held[: self._pace], self._held[self._pace :]
+        return out

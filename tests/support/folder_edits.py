@@ -226,7 +226,7 @@ class Edit:
     """An edit and what must come of it.
 
     ``error``: words of the one-line error; else ``refusals`` as (source, reason) -> how many at least, ``events``
-    that must be told, and the fewest frames with an estimate that is no refusal.
+    that must be reported, and the fewest frames with an estimate that is no refusal.
     """
 
     apply: Callable[[Path], None]

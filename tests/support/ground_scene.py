@@ -94,7 +94,7 @@ def flown(
     measured: tuple[float, float, float] | None = None,
     rate_hz: float = 20.0,
 ) -> list[Observation]:
-    """A level flight over it; ``told`` is the velocity that the vehicle reports, if not the true one."""
+    """A level flight over it; ``measured`` is the velocity that the vehicle reports, if not the true one."""
     out = []
     v = np.array(velocity_ned)
     for k in range(round(seconds * rate_hz)):

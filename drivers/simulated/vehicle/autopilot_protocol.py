@@ -11,6 +11,7 @@ from typing import Any, Literal, get_args
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from drivers.errors import DriverError
+from drivers.mavlink.current_mode import AVAILABLE_MODES_ID
 from drivers.simulated.vehicle.firmware import MODE_NAMES
 from drivers.simulated.vehicle.flight_controller import FlightController
 from drivers.simulated.vehicle.quaternion import Vector
@@ -153,6 +154,8 @@ class AutopilotProtocol:
             rate = self.streams.rates_hz.get(int(p[0]), 0.0)
             interval = int(1e6 / rate) if rate > 0 else -1
             return ACCEPTED, [(0.0, mavlink.MAVLink_message_interval_message(int(p[0]), interval))]
+        if command == mavlink.MAV_CMD_REQUEST_MESSAGE and int(p[0]) == AVAILABLE_MODES_ID:
+            return ACCEPTED, [(0.0, message) for message in c.firmware.listed_modes()]
         if command == mavlink.MAV_CMD_REQUEST_MESSAGE:
             message = self.streams.build(int(p[0]), time_s)
             return (FAILED, []) if message is None else (ACCEPTED, [(0.0, message)])

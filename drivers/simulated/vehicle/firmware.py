@@ -6,10 +6,11 @@ docs/simulation.md.
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from drivers.mavlink.current_mode import AvailableModesMessage
 from drivers.simulated.vehicle.parameters import Parameters
 
 Kind = Literal["ardupilot", "px4"]
@@ -76,6 +77,8 @@ class Firmware:
     radio: Radio = "ok"
     radio_failsafe: bool = True
     """ArduCopter: whether a failsafe for the radio is set up (FS_THR_ENABLE)."""
+    gps: bool = True
+    """Without it the estimator makes its velocity up, and says so."""
     critical: bool = False
     chosen: str = ""
     """The mode that the pilot chose last; PX4 goes back to it when it disarms after a landing."""
@@ -108,6 +111,18 @@ class Firmware:
     def mode_named(self, main: int, sub: int) -> str | None:
         """Our mode of a DO_SET_MODE to PX4."""
         return next((name for name, numbers in PX4_MODES.items() if numbers == (main, sub)), None)
+
+    def listed_modes(self) -> list[Any]:
+        """AVAILABLE_MODES of every mode: ArduCopter names all, PX4 none of the standard ones."""
+        names = list(PX4_MODES) if self.px4 else [name for name in MODES if name != "PRECLAND"]
+        numbers = [self.custom_mode(name, MODES[name]) for name in names]
+        if self.px4:  # POSHOLD and LOITER are one
+            numbers = list(dict.fromkeys(numbers))
+            names = [""] * len(numbers)
+        return [
+            AvailableModesMessage(len(numbers), k + 1, 0, number, 0, name.encode())
+            for k, (number, name) in enumerate(zip(numbers, names, strict=True))
+        ]
 
     def system_status(self, on_ground: bool) -> int:
         """MAV_STATE."""

@@ -1,8 +1,9 @@
 """A vehicle that another simulator flies, followed by its messages, so that a simulated camera can look down from it.
 
 PX4's SIH (simulation in hardware) computes its own physics. ODOMETRY has the estimated pose with microseconds,
-HIL_STATE_QUATERNION the true one, without a time and in whole centimetres. The truth, smoothed over half a second,
-corrects the estimate: what is left of the estimator's errors is then seen by the camera, and rounding is not.
+HIL_STATE_QUATERNION the true one, without a time and in whole centimetres. The difference of the two, smoothed over
+seconds, corrects the estimate: the camera then sees the estimator's errors, and neither rounding nor the time between
+the two messages.
 """
 
 import math
@@ -12,8 +13,8 @@ from drivers.simulated.vehicle.quaternion import Quaternion, Vector, multiply, n
 from drivers.simulated.vehicle.vehicle import Multirotor, TouchDown
 
 EARTH_M_PER_DEG = 111_319.5
-SMOOTHED = 0.04
-"""Weight of one true pose in the correction: half a second at the 50 Hz that are asked for."""
+SMOOTHED = 0.002
+"""Weight of one difference in the correction: 4 s at the 125 Hz that are asked for."""
 FLOOR_M = 0.05
 """SIH's ground is level, at the height of the start: so near to it the vehicle has come down."""
 LIFTED_M = 0.3

@@ -26,7 +26,7 @@ class SensorErrors:
     velocity_lag_s: float = 0.0
     """Time constant of a filter that follows the velocity slowly, as with a weak GPS; 0: none."""
     velocity_scale: float = 1.0
-    """Of the velocity told; zeros came from an ArduCopter whose EKF had no source of velocity, in SITL."""
+    """Of the reported velocity; zeros came from an ArduCopter whose EKF had no source of velocity, in SITL."""
 
 
 @dataclass(slots=True)

@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from drivers.mavlink.current_mode import CURRENT_MODE_ID, CurrentModeMessage
 from drivers.samples import GRAVITY
+from drivers.simulated.vehicle import estimator_streams
 from drivers.simulated.vehicle.firmware import MODES
 from drivers.simulated.vehicle.flight_controller import FlightController
 from drivers.simulated.vehicle.quaternion import to_euler
@@ -184,7 +185,9 @@ def _highres_imu(s: TelemetryStreams, boot_s: float) -> Any:
 
 def _local_position(s: TelemetryStreams, boot_s: float) -> Any:
     v = s.controller.vehicle
-    return mavlink.MAVLink_local_position_ned_message(_ms(boot_s), *v.position, *s.sensors.velocity())
+    return mavlink.MAVLink_local_position_ned_message(
+        _ms(boot_s), *v.position, *estimator_streams.velocity(s)
+    )
 
 
 def _sim_state(s: TelemetryStreams, boot_s: float) -> Any:
@@ -311,6 +314,9 @@ _BUILDERS: dict[int, Callable[[TelemetryStreams, float], Any]] = {
     mavlink.MAVLINK_MSG_ID_RAW_IMU: _raw_imu,
     mavlink.MAVLINK_MSG_ID_HIGHRES_IMU: _highres_imu,
     mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: _local_position,
+    mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: estimator_streams.ekf_status_report,
+    mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: estimator_streams.estimator_status,
+    mavlink.MAVLINK_MSG_ID_ODOMETRY: estimator_streams.odometry,
     mavlink.MAVLINK_MSG_ID_SIM_STATE: _sim_state,
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: _global_position,
     mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: _gps_raw,

@@ -30,7 +30,7 @@ class Link:
         return self.offset_us + boot_us + self.drift * (boot_us - BOOT_US)
 
     def run(self, clock, start_us, seconds, rate_hz=100.0, shift_us=0, truncate=False, boot_shift_us=0):
-        """Feed messages; returns the arrivals that told of a change."""
+        """Feed messages; returns the arrivals that showed a change."""
         changes = []
         for k in range(round(seconds * rate_hz)):
             boot_us = start_us + round(k * 1e6 / rate_hz)

@@ -199,7 +199,7 @@ def test_one_vehicle_can_be_chosen():
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 def test_a_pipe_that_is_closed_ends_the_watcher_quietly(unbuffered: str):
-    """Also when Python keeps what could not be written for its next flush, as it does unless told otherwise."""
+    """Also when Python keeps what could not be written for its next flush, as it does unless configured otherwise."""
     endpoint = free_endpoint()
     process = subprocess.Popen(
         [sys.executable, "-m", "companion.cli", "watch", "--listen", endpoint],

@@ -28,12 +28,14 @@ def test_a_readout_is_reported_once_when_it_has_settled():
     found.know(0.01, 0.004)
     assert names(times, range(10)) == []
     assert times.readout == (None, None)
+    assert times.readout_unknown
     found.know(0.0178, 0.0005)
     reported = [event for s in range(10, 30) for event in times.step(float(s), 7, s)]
     assert [event.event for event in reported] == ["readout_found"]
     assert "set camera.readout_s = 0.0178" in reported[0].text
     assert reported[0].details == {"readout_s": 0.0178, "std_s": 0.0005}
     assert times.readout == (0.0178, pytest.approx(0.0005))
+    assert not times.readout_unknown
 
 
 def test_one_that_still_moves_is_not():
@@ -54,6 +56,7 @@ def test_a_global_shutter_makes_no_event_but_health_says_so():
 
 def test_one_that_is_set_is_not_reported():
     _, times = watched(0.0)
+    assert not times.readout_unknown
     assert names(times, range(20)) == []
     assert times.readout == (None, None)
 
@@ -69,10 +72,10 @@ def test_a_lateness_is_reported_when_it_is_sure():
 def test_a_lateness_at_the_bound_of_the_search_is_reported_as_at_least_so_much():
     found, times = watched(0.0)
     found.late_s = 0.1
-    (told,) = times.step(0.0, None, 0)
-    assert "at least 100 ms later" in told.text
-    assert "set it to" not in told.text
-    assert told.details == {"late_s": 0.1, "at_least": True}
+    (reported,) = times.step(0.0, None, 0)
+    assert "at least 100 ms later" in reported.text
+    assert "set it to" not in reported.text
+    assert reported.details == {"late_s": 0.1, "at_least": True}
 
 
 def test_no_lateness_is_reported_while_pictures_and_gyro_contradict_each_other():

@@ -73,7 +73,7 @@ STORIES = [
         (answer("ACCEPTED"), beat("LAND"), beat("LOITER")),
         ["accepted", "landing", "taken over: the mode left LAND"],
     ),
-    # What ended a landing in the air: our own hold, a failsafe, the pilot; each told as what it was.
+    # What ended a landing in the air: our own hold, a failsafe, the pilot; each reported as what it was.
     (
         (answer("ACCEPTED"), beat("LAND"), "hold", beat("HOLD")),
         ["accepted", "landing", "held: landslope asked for hold"],

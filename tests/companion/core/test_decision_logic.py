@@ -1,4 +1,4 @@
-"""From estimates to decisions and requests: one request a permission, none in doubt, silence told."""
+"""From estimates to decisions and requests: one request a permission, none in doubt, silence reported."""
 
 from dataclasses import replace
 from itertools import pairwise

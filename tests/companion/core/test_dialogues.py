@@ -37,7 +37,7 @@ def unedited(at_s: float, sample: Sample) -> Iterable[Sample]:
 
 @dataclass
 class Story:
-    """What was told at which second of the file."""
+    """What was reported at which second of the file."""
 
     events: list[tuple[float, str]] = field(default_factory=list)
     free: list[tuple[float, float]] = field(default_factory=list)
@@ -172,7 +172,7 @@ def test_our_own_hold_is_reported_as_that() -> None:
 
 
 def test_a_takeover_into_the_enabling_mode_is_followed_by_silence() -> None:
-    """PX4, a joystick: not recorded, built from what was told of it."""
+    """PX4, a joystick: not recorded, built from a description of it."""
     settings = Settings(landing=LandingSettings(enable_modes=("POSCTL",)))
     health = HealthMonitor(settings.health, True)
     logic = DecisionLogic(settings, health, by_pilot=True)
@@ -208,6 +208,19 @@ def test_a_takeover_into_the_enabling_mode_is_followed_by_silence() -> None:
     see(beat("ALTCTL"), air)
     see(beat("POSCTL"), air)
     assert free()
+
+
+def test_a_reboot_ends_the_permission_though_the_switch_stays_on() -> None:
+    def on(at_s: float, sample: Sample) -> Iterable[Sample]:
+        if isinstance(sample, RcChannels) and at_s > 2.0:
+            pulses = list(sample.pulse_us)
+            pulses[SWITCH.enable_rc_channel - 1] = 2000
+            sample = RcChannels(sample.arrival_us, tuple(pulses))
+        return (sample,)
+
+    story = replayed("ardupilot_reboot", edit=on)
+    assert [end < 18.0 for _, end in story.free] == [True]
+    assert len(story.named("landing_enabled")) == 1
 
 
 def test_a_reboot_ends_the_command_and_forgets_it() -> None:

@@ -1,6 +1,7 @@
 """What the autopilot's estimator says of itself, on its way into the errors that an estimate is made with."""
 
 import math
+import queue
 
 import numpy as np
 import pytest
@@ -14,9 +15,14 @@ from companion.core.estimator_doubt import (
     EstimatorDoubt,
 )
 from companion.core.sync import Synchroniser
+from companion.settings.link_options import link_options
 from companion.settings.settings import Settings
+from companion.settings.settings_file import load
+from drivers.mavlink.link import Link
 from drivers.mavlink.telemetry import TelemetryDecoder
 from drivers.samples import Attitude, EstimatorReport, Frame, Velocity
+from drivers.simulated.vehicle.autopilot import SimulatedAutopilot
+from drivers.simulated.vehicle.firmware import Firmware
 
 NAN6 = [math.nan] * 21
 GOOD = M.EKF_ATTITUDE | M.EKF_VELOCITY_HORIZ | M.EKF_VELOCITY_VERT | M.EKF_POS_HORIZ_ABS
@@ -66,11 +72,32 @@ def test_flags_of_both_autopilots_say_whether_the_velocity_is_known():
     assert not report(M.MAVLink_estimator_status_message(0, 0, 0.2, 0, 0, 0, 0, 0, 0, 0)).attitude_known
 
 
+@pytest.mark.parametrize("kind", ["ardupilot", "px4"])
+def test_a_simulated_autopilot_without_gps_says_so_over_its_link(kind):
+    with SimulatedAutopilot("tcp:127.0.0.1:0") as autopilot:
+        autopilot.controller.firmware = Firmware(kind)
+        settings = load(None, [f"mavlink.connection=tcp:127.0.0.1:{autopilot.port}"]).settings
+        reports: queue.SimpleQueue[EstimatorReport] = queue.SimpleQueue()
+        link = Link(
+            link_options(settings),
+            lambda samples: [reports.put(s) for s in samples if isinstance(s, EstimatorReport)],
+        )
+        link.start()
+        try:
+            while not reports.get(timeout=60).velocity_known:
+                pass
+            autopilot.controller.firmware.gps = False
+            while reports.get(timeout=60).velocity_known is not False:
+                pass
+        finally:
+            link.close()
+
+
 def test_odometry_tells_standard_deviations_and_nan_tells_nothing():
-    told = odometry(0.25, math.radians(0.5) ** 2)
-    assert told.velocity_std == pytest.approx(0.5)
-    assert told.tilt_std == pytest.approx(math.radians(0.5), rel=1e-5)
-    assert told.velocity_known is None
+    doubt = odometry(0.25, math.radians(0.5) ** 2)
+    assert doubt.velocity_std == pytest.approx(0.5)
+    assert doubt.tilt_std == pytest.approx(math.radians(0.5), rel=1e-5)
+    assert doubt.velocity_known is None
     for nothing in (math.nan, -1.0, math.inf):
         assert (odometry(nothing, nothing).velocity_std, odometry(nothing, nothing).tilt_std) == (None, None)
 

@@ -1,6 +1,8 @@
 """Frames and telemetry on one time line: waiting, late stamps, jumps, reboots, and the frames' own stamps."""
 
 import math
+import random
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -12,6 +14,7 @@ from companion.clocks.frame_time import FrameTime, FrameTimeline
 from companion.core.attitude import BodyAttitude
 from companion.core.sync import Synchroniser
 from companion.settings.settings import CameraSettings, Settings, SyncSettings
+from drivers.refusals import RefusalCode
 from drivers.samples import Attitude, Frame, Heartbeat, Imu, Velocity
 from landing.rotations import euler_from_matrix
 
@@ -287,3 +290,26 @@ def test_a_gap_is_a_jump_only_if_the_telemetry_jumped_as_far():
     times = line.feed(33_333 * 31 + 5_000_000)
     assert isinstance(times, FrameTime)
     assert times.steady_us == 33_333 * 31
+
+
+def test_two_links_of_one_vehicle_are_one_and_their_copies_are_counted():
+    """Every message once more, 80 to 320 ms later, as a log of two links has it."""
+    chance, once = random.Random(1), flight(4)
+    copies = [
+        replace(s, arrival_us=s.arrival_us + chance.randint(80_000, 320_000))
+        for s in once
+        if not isinstance(s, Frame)
+    ]
+    sync, refused = Synchroniser(Settings(), True), []
+    ready, notices = [], []
+    for sample in sorted([*once, *copies], key=lambda s: s.arrival_us):
+        frames, told = sync.feed(sample)
+        ready += frames
+        notices += [notice.name for notice in told]
+        refused += sync.refusals()
+    alone, _ = run(once)
+    assert notices == ["clock_settled"]
+    assert len(refused) == len(copies)
+    assert {reason for _, reason in refused} == {RefusalCode.REPEATED_MESSAGE}
+    ready += sync.flush("end_of_input")
+    assert roll_errors(ready) == roll_errors(alone)

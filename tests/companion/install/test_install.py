@@ -1,6 +1,7 @@
 """The service's files: sound, tight, in their places, and the user's settings left alone."""
 
 import json
+import os
 import shutil
 import subprocess
 import tomllib
@@ -115,7 +116,12 @@ def test_shipped_files_are_found_in_an_installation_without_the_repository(tmp_p
 
 
 def files(root: Path) -> dict[str, str]:
-    return {str(path.relative_to(root)): path.read_text() for path in root.rglob("*") if path.is_file()}
+    """Texts of all files by their paths; of links where they lead."""
+    return {
+        str(path.relative_to(root)): str(path.readlink()) if path.is_symlink() else path.read_text()
+        for path in root.rglob("*")
+        if path.is_file() or path.is_symlink()
+    }
 
 
 def installed(root: Path, *arguments: str) -> int:
@@ -131,11 +137,13 @@ def test_installing_upgrading_and_taking_off(tmp_path, capsys):
         "etc/systemd/system/landslope.service",
         "etc/sysusers.d/landslope.conf",
         "etc/udev/rules.d/70-landslope.rules",
+        "usr/local/bin/landslope",
         "usr/local/share/bash-completion/completions/landslope",
         "usr/local/share/man/man1/landslope.1",
         "usr/local/share/zsh/site-functions/_landslope",
     ]
     assert laid["etc/systemd/system/landslope.service"] == UNIT.read_text()
+    assert laid["usr/local/bin/landslope"] == "/opt/landslope/bin/landslope"
     settings = tmp_path / "etc/landslope/landslope.toml"
     settings.write_text("[vehicle]\nname = 'mine'\n")
     (tmp_path / "etc/systemd/system/landslope.service").write_text("[Unit]\n# an old one\n")
@@ -232,8 +240,14 @@ def test_a_live_installation_runs_the_commands_in_order(tmp_path, monkeypatch):
     )
     monkeypatch.setattr(install, "SYSTEM_FILES", {name: tmp_path / name for name in install.SYSTEM_FILES})
     monkeypatch.setattr(install, "SETTINGS_DIRECTORY", tmp_path / "etc")
-    for step in install_steps(InstallOptions(prefix=tmp_path / "opt", package="landslope.whl")):
+    monkeypatch.setattr(install, "COMMAND", tmp_path / "bin" / "landslope")
+    monkeypatch.setenv("PATH", f"{tmp_path / 'bin'}:{os.environ['PATH']}")
+    options = InstallOptions(prefix=tmp_path / "opt", package="landslope.whl")
+    for step in install_steps(options):
         step.act()
+    (tmp_path / "opt" / "bin").mkdir(parents=True)
+    (tmp_path / "opt" / "bin" / "landslope").touch(0o755)
+    assert install.command_on_path(options) == "landslope"
     programs = [words[0] if words[0].startswith("sys") else words[1:3] for words in ran]
     assert programs[:2] == [("-m", "venv"), ("-m", "pip")]
     assert ran[1][-1] == "landslope.whl"

@@ -78,7 +78,7 @@ def test_junk_on_the_link_is_counted_and_changes_nothing(tmp_path) -> None:
         assert counters["link answers to others"] >= rounds
         assert counters["link garbage bytes"] == rounds * (11 + len(bytes(40)))
         assert counters["refused attitude: not_finite"] >= 4
-        assert len(bench.events("mavlink_refused")) == 2, "told once each, not every time"
+        assert len(bench.events("mavlink_refused")) == 2, "reported once each, not every time"
 
 
 def test_pilot_switches_landing_on_and_off_by_radio(tmp_path) -> None:

@@ -45,7 +45,7 @@ def test_never_a_confident_wrong_answer(cut: str, nuisance: str):
 
 @pytest.mark.parametrize("nuisance", ["frames 20 ms late", "frames 20 ms early"])
 def test_stamps_that_are_wrong_in_a_fast_turn_are_found_out(nuisance: str):
-    """Up to 60 deg/s for 20 ms: 1.2 degrees of attitude, until the pictures have told."""
+    """Up to 60 deg/s for 20 ms: 1.2 degrees of attitude, until the pictures show it."""
     outcome = nuisances.run("agile", nuisance)
     assert outcome.within(SIGMAS, 0.0) >= NEARLY_ALL
     assert float(np.quantile(outcome.errors, 0.95)) < 0.6

@@ -231,3 +231,14 @@ def test_the_recording_that_stopped_is_a_condition(tmp_path):
     assert found.code == "recording_stopped"
     assert found.text.startswith("not recording: ")
     recording.close()
+
+
+@pytest.mark.parametrize(("readout_s", "unknown"), [("unknown", True), (0.0, False), (0.018, False)])
+def test_a_readout_that_is_neither_set_nor_found_is_a_condition(readout_s, unknown):
+    camera = CameraSettings(width=64, height=48, readout_s=readout_s)
+    pipeline, out = live(Settings(camera=camera, mavlink=MavlinkSettings(connection="x")))
+    for k in range(20):
+        us = S + k * S // 10
+        pipeline.feed([Heartbeat(us, True, "GUIDED", "ardupilot", 4, "quadrotor")])
+        pipeline.tick(us)
+    assert ("readout_unknown" in [c.code for c in last(out, Health).conditions]) == unknown

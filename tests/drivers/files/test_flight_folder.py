@@ -71,7 +71,7 @@ def test_damage_is_counted_and_the_rest_is_used(flight, monkeypatch, name):
     for source, reason, least in edit.refusals:
         reported = sum(n for key, n in health.counters.items() if key.endswith(f": {reason}"))
         assert max(refused[source, reason], reported) >= least, (refused, health.counters)
-        assert reported >= least, "refusals are told in Health"
+        assert reported >= least, "refusals are in Health"
     events = {o.event for o in out if isinstance(o, Event)}
     assert set(edit.events) <= events, events
     estimates = [o for o in out if isinstance(o, Estimate)]

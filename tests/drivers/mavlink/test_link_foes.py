@@ -119,7 +119,7 @@ def test_a_running_link_keeps_its_time_on_disk(bench, tmp_path):
 def test_a_key_is_a_key_and_a_file_is_a_file_and_the_log_says_which(tmp_path, caplog):
     caplog.set_level("INFO")
     assert read_key(KEY.hex()) == KEY
-    assert "stands in mavlink.signing_key" in caplog.messages[-1]
+    assert "is the value of mavlink.signing_key" in caplog.messages[-1]
     path = tmp_path / "key"
     path.write_bytes(KEY)
     assert read_key(str(path)) == KEY

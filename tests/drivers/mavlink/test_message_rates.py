@@ -1,4 +1,4 @@
-"""Message rates: asked for, asked again within a second when taken away, told when they stay low; one owner."""
+"""Message rates: asked for, asked again within a second when taken away, reported when they stay low; one owner."""
 
 from itertools import pairwise
 

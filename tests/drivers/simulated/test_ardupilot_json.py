@@ -156,7 +156,7 @@ def test_closed_loop_on_the_physics_of_a_sitl() -> None:
     scenario = parse_scenario("level", LEVEL, "level.toml")
     port = free_udp_port()
     with FakeSitl(port) as sitl:
-        options = LiveOptions(ardupilot=ArduPilot(sitl.connection, sitl.connection, port))
+        options = LiveOptions(autopilot=ArduPilot(sitl.connection, sitl.connection, port))
         result = fly_live(scenario, options=options)
     assert result.deviations(scenario.expect) == [], in_words(result)
     assert result.touch_down is not None, in_words(result)

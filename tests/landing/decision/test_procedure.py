@@ -196,6 +196,20 @@ def test_after_a_place_far_out_turned_out_unfit_it_looks_within_the_reach_of_the
     assert flight.machine.why is Why.CHOOSING
 
 
+def test_over_a_hazard_that_is_near_and_beside_the_place_it_does_not_come_down():
+    wall = replace(BAD, step_m=2.0)
+    flight = Flight()
+    flight.until(State.DESCEND)
+    for _ in range(int(1 / DT)):
+        flight.step()
+    for _ in range(int(1.0 / DT)):
+        step = flight.step(below=wall)
+    assert step.state is State.DESCEND
+    assert step.order.velocity_ned[2] == 0.0
+    flight.place[0] = flight.spot[0] + 0.8
+    assert flight.step().order.velocity_ned[2] == 0.0
+
+
 def test_too_low_to_see_a_disc_it_climbs():
     flight = Flight(spot=None)
     flight.place[2] = -0.8
@@ -232,6 +246,9 @@ def test_a_place_that_turns_out_unfit_is_left_upwards_and_not_chosen_again(disc,
     assert flight.time_s - began_s == pytest.approx(after_s, abs=0.25)
     flight.until(State.LOOK)
     assert -flight.place[2] > low
+    if disc is DARK:  # ground that showed nothing may be chosen again
+        flight.until(State.GO)
+        return
     flight.until(State.SEARCH)
     flight.spot = (-1.0, -1.0)
     flight.until(State.HAND_OVER)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from border_support import CAMERA, FRAMES, RATE_HZ, TURNS, pictures
+from border_support import CAMERA, FRAMES, KEPT_PX, RATE_HZ, TURNS, pictures
 
 from landing.decision.decision import against_flat
 from landing.estimate import SurfaceEstimate
@@ -31,7 +31,7 @@ def shaded(image: np.ndarray, side: str, depth: int, factor: float) -> np.ndarra
 @pytest.mark.parametrize("side", TURNS)
 @pytest.mark.parametrize("factor", [0.4, 1.9])
 def test_another_brightness_is_reported_at_its_side(side: str, factor: float):
-    detector = AppearanceChange(OPTIONS.estimator, CAMERA)
+    detector = AppearanceChange(OPTIONS.estimator, CAMERA, KEPT_PX)
     *usual, last = pictures(None, 0)
     for image in usual:
         assert detector.step(image, ALL) == set()
@@ -40,15 +40,26 @@ def test_another_brightness_is_reported_at_its_side(side: str, factor: float):
 
 def test_a_flight_that_begins_near_an_edge_is_reported_of_it():
     """Ten frames are enough: what is usual need not be learnt for seconds first."""
-    detector = AppearanceChange(OPTIONS.estimator, CAMERA)
+    detector = AppearanceChange(OPTIONS.estimator, CAMERA, KEPT_PX)
     *usual, last = pictures(None, 0)[:11]
     for image in usual:
         assert detector.step(image, ALL) == set()
     assert detector.step(shaded(last, "top", 8, 0.75), ALL) == {NUMBER["top"]}
 
 
+def test_a_change_is_in_doubt_until_the_view_has_moved_by_a_baseline():
+    detector = AppearanceChange(OPTIONS.estimator, CAMERA, KEPT_PX)
+    *usual, last = pictures(None, 0)
+    for image in usual:
+        detector.step(image, ALL, 5.0)
+    assert detector.step(shaded(last, "top", 8, 0.4), ALL, 5.0) == {NUMBER["top"]}
+    assert detector.step(last, ALL, 5.0) == {NUMBER["top"]}, "no longer unusual, and not measured either"
+    assert detector.step(last, set(), 0.0) == {NUMBER["top"]}, "hovering measures nothing"
+    assert detector.step(last, ALL, KEPT_PX - 5.0) == set()
+
+
 def test_vignetting_is_usual_and_so_are_changes_of_the_light():
-    detector = AppearanceChange(OPTIONS.estimator, CAMERA)
+    detector = AppearanceChange(OPTIONS.estimator, CAMERA, KEPT_PX)
     y, x = np.mgrid[: CAMERA.height, : CAMERA.width]
     lens = 1 - 0.6 * np.hypot((x - 120) / 120, (y - 90) / 90) / np.sqrt(2)
     for k, image in enumerate(pictures(None, 0)):
@@ -57,16 +68,20 @@ def test_vignetting_is_usual_and_so_are_changes_of_the_light():
 
 
 def test_what_stays_becomes_usual():
-    detector = AppearanceChange(OPTIONS.estimator, CAMERA)
-    detector.step(pictures(None, 0)[0], ALL)
-    reported = [bool(detector.step(shaded(pictures(None, 0)[0], "top", 8, 0.4), ALL)) for _ in range(200)]
+    detector = AppearanceChange(OPTIONS.estimator, CAMERA, KEPT_PX)
+    first = pictures(None, 0)[0]
+    detector.step(first, ALL)
+    edge = shaded(first, "top", 8, 0.4)
+    reported = [bool(detector.step(edge, ALL)) for _ in range(200)]
     assert reported[0]
     assert not reported[-1]
 
 
 def test_a_small_view_is_left_alone():
     small = CameraModel.from_focal(80, 60, 60.0)
-    assert AppearanceChange(OPTIONS.estimator, small).step(np.zeros((60, 80), np.uint8), ALL) == set()
+    assert (
+        AppearanceChange(OPTIONS.estimator, small, KEPT_PX).step(np.zeros((60, 80), np.uint8), ALL) == set()
+    )
 
 
 def test_only_where_ground_comes_in_it_speaks_against_flat():

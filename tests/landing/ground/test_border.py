@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from border_support import CAMERA, HEIGHT, RATE_HZ, RELIEF, STEP_PX, TURNS, WIDTH, pictures
+from border_support import CAMERA, HEIGHT, KEPT_PX, RATE_HZ, RELIEF, STEP_PX, TURNS, WIDTH, pictures
 
 from landing.ground.border import Border, BorderStep, _Before, _Place, _Strips
 from landing.ground.roughness import Relief
@@ -17,7 +17,11 @@ from landing.vision.camera import CameraModel
 
 def watched(comes: int | None, turns: int = 0, step_px: int = STEP_PX) -> list[BorderStep | None]:
     """What a border of its own finds at each frame of a flight."""
-    pipeline, border, found = SurfacePipeline(CAMERA, Options()), Border(Options().estimator, CAMERA), []
+    pipeline, border, found = (
+        SurfacePipeline(CAMERA, Options()),
+        Border(Options().estimator, CAMERA, KEPT_PX),
+        [],
+    )
     measure = pipeline.relief.step
 
     def step(views: Views, plane: Plane) -> Relief | None:
@@ -124,9 +128,9 @@ def suspects(monkeypatch: pytest.MonkeyPatch, stands: set[int], sure: bool) -> t
 
 
 def test_after_something_stood_out_nothing_is_flat_until_ground_has_passed(monkeypatch: pytest.MonkeyPatch):
-    """At 4 px a frame 10 px have passed in the third frame after it."""
+    """At 4 px a frame a baseline of 14.4 px has passed in the fourth frame after it."""
     flat, why = suspects(monkeypatch, {28}, sure=True)
-    assert flat[:6] == [True, False, False, False, True, True]
+    assert flat[:6] == [True, False, False, False, False, True]
     assert why[:2] == 2 * [Reason(Code.ROUGHNESS_AT_BORDER)]
 
 
@@ -138,7 +142,7 @@ def test_a_side_that_may_stand_out_is_not_flat_while_it_does(monkeypatch: pytest
 @pytest.mark.parametrize(("away", "sure"), [(4.5, []), (6.0, [False]), (8.0, [True])])
 def test_a_whole_side_is_suspected_before_it_is_sure(away: float, sure: list[bool]):
     """Of blocks that all stand out alike a run knows less than the side, and it takes ``border_sigmas`` to count."""
-    border, sigma = Border(Options().estimator, CAMERA), 0.01
+    border, sigma = Border(Options().estimator, CAMERA, KEPT_PX), 0.01
     blocks = border._sides[3].blocks
     place = _Place(3, 4, _Before(1, np.eye(3), np.eye(3)), np.zeros((2, blocks, 2), np.float32))
     height = np.full((1, blocks), away * sigma / np.sqrt(blocks))
@@ -156,7 +160,7 @@ def test_blocks_that_scatter_ask_for_more(monkeypatch: pytest.MonkeyPatch):
 @pytest.mark.parametrize(("width", "height"), [(240, 60), (60, 180), (240, 18)])
 def test_a_view_without_room_for_strips_is_left_alone(width: int, height: int):
     camera = CameraModel.from_focal(width, height, 200.0)
-    pipeline, border = SurfacePipeline(camera, Options()), Border(Options().estimator, camera)
+    pipeline, border = SurfacePipeline(camera, Options()), Border(Options().estimator, camera, KEPT_PX)
     for k, image in enumerate(pictures(None, 0)[:12]):
         pipeline.step(Observation(k, k / RATE_HZ, image[:height, :width].copy(), np.eye(3), 1e-5))
     moving = Plane("ok", 0.0, 0.0, np.eye(2) * 1e-6, np.array((0.6, 0.0, 0.0)))

@@ -22,7 +22,7 @@ def over(views, normal=LEVEL, options=OPTIONS):
 def braking(seed: int, reported=None, age_s: float = 0.0, harder: float = 1.0, off_rad=(0.0, 0.0)):
     """Views of a camera 1 m above level ground that brakes northwards, at 0.5 m/s at the newest of 13 frames.
 
-    It brakes by 0.5 m/s^2, and until a fifth of a second ago by ``harder`` m/s^2 more. ``told``: the velocity north
+    It brakes by 0.5 m/s^2, and until a fifth of a second ago by ``harder`` m/s^2 more. ``reported``: the velocity north
     that the autopilot states, from the true one and the time; ``off_rad``: error of the newest attitude's pitch, and of
     all attitudes, one sigma.
     """
