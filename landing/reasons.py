@@ -85,6 +85,8 @@ class Code(StrEnum):
     TOUCHDOWN_HAZARD = "touchdown_hazard"
     TOUCHDOWN_UNKNOWN = "touchdown_unknown"
     STOPPING_POINT_UNKNOWN = "stopping_point_unknown"
+    GROUND_MAY_MOVE = "ground_may_move"
+    GROUND_MOTION_UNKNOWN = "ground_motion_unknown"
     DWELL = "dwell"
 
 
@@ -109,6 +111,8 @@ MEANING = {
     Code.TOUCHDOWN_HAZARD: "the ground map has a hazard between straight below and the stopping point",
     Code.TOUCHDOWN_UNKNOWN: "the ground map does not know the ground straight below",
     Code.STOPPING_POINT_UNKNOWN: "the ground map does not know all on the way to the stopping point: fly slower",
+    Code.GROUND_MAY_MOVE: "the upper bound of the ground's own speed is above its limit",
+    Code.GROUND_MOTION_UNKNOWN: "nothing tells yet whether the ground moves by itself",
     Code.DWELL: "the surface has not been flat for long enough",
 }
 
@@ -163,6 +167,10 @@ _WORDS = {
     Code.TOUCHDOWN_HAZARD: "the ground to come down on is a hazard: {status}",
     Code.TOUCHDOWN_UNKNOWN: "the ground straight below is not known: {status}",
     Code.STOPPING_POINT_UNKNOWN: "the ground where the vehicle would stop is not known, fly slower: {status}",
+    Code.GROUND_MAY_MOVE: (
+        "{sure}ground that moves by itself: {value:.2f} m/s, may be {upper:.2f}, limit {limit:.2f}"
+    ),
+    Code.GROUND_MOTION_UNKNOWN: "not known whether the ground moves by itself",
     Code.DWELL: "flat for {value:.1f} s only, {limit:.1f} s asked for",
 }
 

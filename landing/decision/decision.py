@@ -118,6 +118,18 @@ def against_landing(
     return ()
 
 
+def against_motion(estimate: SurfaceEstimate, o: DecisionOptions, widen: float = 0.0) -> tuple[Reason, ...]:
+    """What speaks against ground at rest: one standard deviation above what is found must be below the limit."""
+    value, std, limit = estimate.ground_speed_m_s, estimate.ground_speed_std_m_s, o.max_ground_speed_m_s
+    limit *= 1 + widen
+    if value + std <= limit:
+        return ()
+    if not math.isfinite(value + std):
+        return (Reason(Code.GROUND_MOTION_UNKNOWN),)
+    sure = Certainty.PROBABLE if value - std > limit else Certainty.POSSIBLE
+    return (Reason(Code.GROUND_MAY_MOVE, sure, value, value + std, limit),)
+
+
 def against_touchdown(below: Disc, way: Disc, all_known: bool) -> tuple[Reason, ...]:
     """Reasons of the ground map against landing: the discs straight below and on the path to the stopping point.
 
@@ -180,16 +192,19 @@ class Decider:
         """The verdict after the next estimate; times must not decrease."""
         o, now = self.options, estimate.time_s
         fit = self._verdict.verdict == "fit"
-        reasons = against_landing(estimate, o, o.hysteresis if fit else 0.0, self.area)
+        widen = o.hysteresis if fit else 0.0
+        reasons = against_landing(estimate, o, widen, self.area)
         if not reasons and self.ground is not None:
-            reasons = against_touchdown(*self.ground.under_way(), o.touchdown_known)
+            reasons = against_motion(estimate, o, widen) or against_touchdown(
+                *self.ground.under_way(), o.touchdown_known
+            )
         # the surface below is flat all the same while the stopping point still lies ahead of what is known
         ahead = [reason.code for reason in reasons] == [Code.STOPPING_POINT_UNKNOWN]
         if ahead:
             self._flat.step(now, o.patience_s)
         if not reasons:
             flat_s, known_s = self._flat.step(now, o.patience_s), self._known.step(now, o.patience_s)
-            for held_s, asked_s in ((flat_s, o.dwell_s), (known_s, o.patience_s)):
+            for held_s, asked_s in ((flat_s, o.dwell_s), (known_s, min(o.patience_s, o.dwell_s))):
                 if not held_s >= asked_s:
                     return self._turn("unknown", (Reason(Code.DWELL, value=held_s, limit=asked_s),), now)
             return self._turn("fit", (), now)
@@ -199,7 +214,7 @@ class Decider:
             return self._turn("fit", (), now)
         if doubtful:
             self._flat.end()
-        if doubtful or ahead:
+        if ahead:
             self._known.end()
         return self._turn("unfit" if certain else "unknown", reasons, now)
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import pytest
 
-from landing.decision.decision import Decider, against_touchdown
+from landing.decision.decision import Decider, against_motion, against_touchdown
 from landing.estimate import SurfaceEstimate
 from landing.ground.spots import HAZARD, LANDABLE, UNKNOWN, Disc, GroundCode
 from landing.options import DecisionOptions
@@ -24,7 +24,10 @@ FLAT = SurfaceEstimate(
     roughness=0.001,
     roughness_std=0.0002,
     coverage=0.9,
+    ground_speed_m_s=0.1,
+    ground_speed_std_m_s=0.1,
 )
+MOVES = replace(FLAT, ground_speed_m_s=0.5)
 
 
 @pytest.mark.parametrize(
@@ -55,6 +58,30 @@ def test_what_is_not_landable_below_or_a_hazard_on_the_way_speaks_against(
     assert all(reason.ends_verdict for reason in found) is (code in (None, Code.TOUCHDOWN_HAZARD))
 
 
+@pytest.mark.parametrize(
+    ("speed_m_s", "std_m_s", "widen", "code", "ends"),
+    [
+        (0.1, 0.1, 0.0, None, False),
+        (0.2, 0.0999, 0.0, None, False),
+        (0.2, 0.12, 0.0, Code.GROUND_MAY_MOVE, False),
+        (0.2, 0.12, 0.15, None, False),
+        (0.0, 0.4, 0.0, Code.GROUND_MAY_MOVE, False),
+        (0.5, 0.1, 0.0, Code.GROUND_MAY_MOVE, True),
+        (0.5, 0.1, 1.0, None, True),
+        (math.nan, 0.1, 0.0, Code.GROUND_MOTION_UNKNOWN, False),
+        (0.1, math.nan, 0.0, Code.GROUND_MOTION_UNKNOWN, False),
+        (0.1, math.inf, 0.0, Code.GROUND_MOTION_UNKNOWN, False),
+    ],
+)
+def test_ground_is_at_rest_only_where_its_upper_bound_is(
+    speed_m_s: float, std_m_s: float, widen: float, code: Code | None, ends: bool
+):
+    estimate = replace(FLAT, ground_speed_m_s=speed_m_s, ground_speed_std_m_s=std_m_s)
+    found = against_motion(estimate, DecisionOptions(max_ground_speed_m_s=0.3), widen)
+    assert [reason.code for reason in found] == ([] if code is None else [code])
+    assert all(reason.ends_verdict is ends for reason in found)
+
+
 @dataclass
 class Map:
     below: Disc = GOOD
@@ -77,6 +104,11 @@ def test_a_flat_view_is_fit_only_where_the_map_agrees():
     assert verdict_over(Map(way=UNSEEN), options=DecisionOptions(touchdown_known=False)) == "fit"
     assert verdict_over(Map(below=STEP)) == "unfit"
     assert verdict_over(Map(way=STEP)) == "unfit"
+    assert Decider(DecisionOptions(dwell_s=0.0), None, Map()).step(FLAT).verdict == "fit"
+    (reason,) = Decider(DecisionOptions(dwell_s=0.0), None, Map()).step(MOVES).reasons
+    assert reason.code is Code.GROUND_MAY_MOVE
+    # nobody asks a flat view without a map
+    assert Decider(DecisionOptions(dwell_s=0.0)).step(MOVES).verdict == "fit"
     steep = replace(FLAT, inclination_deg=20.0)
     assert Decider(DecisionOptions(), None, Map()).step(steep).verdict == "unfit"
 
@@ -118,11 +150,11 @@ def test_the_dwell_runs_while_the_stopping_point_comes_nearer_which_must_stay_kn
     assert next_ones(7, GOOD) == "------f"
 
 
-def test_a_hazard_ends_what_was_known_of_the_way_though_the_dwell_is_short():
-    ground = Map()
-    decider = Decider(DecisionOptions(dwell_s=0.0, patience_s=0.25), None, ground)
-    said = []
-    for k, way in enumerate([GOOD] * 3 + [STEP] + [GOOD] * 3):
-        ground.way = way
-        said.append(decider.step(replace(FLAT, time_s=k / 8)).verdict)
-    assert said == ["unknown", "unknown", "fit", "unfit", "unknown", "unknown", "fit"]
+def test_the_limit_of_the_ground_widens_while_it_is_fit():
+    options = DecisionOptions(dwell_s=0.0, hysteresis=0.2, max_ground_speed_m_s=0.2)
+    decider = Decider(options, None, Map())
+    faster = replace(FLAT, ground_speed_m_s=0.13)
+    assert decider.step(faster).verdict == "unknown"
+    assert decider.step(replace(FLAT, time_s=0.1)).verdict == "fit"
+    assert not decider.step(replace(faster, time_s=0.2)).reasons
+    assert decider.step(replace(MOVES, time_s=0.3)).verdict == "unknown"
