@@ -84,6 +84,8 @@ class Code(StrEnum):
     GROUND_NOT_SEEN = "ground_not_seen"
     TOUCHDOWN_HAZARD = "touchdown_hazard"
     TOUCHDOWN_UNKNOWN = "touchdown_unknown"
+    GROUND_MAY_MOVE = "ground_may_move"
+    GROUND_MOTION_UNKNOWN = "ground_motion_unknown"
     DWELL = "dwell"
 
 
@@ -107,6 +109,8 @@ MEANING = {
     Code.GROUND_NOT_SEEN: "too little of the landing area is measured",
     Code.TOUCHDOWN_HAZARD: "the ground map has a hazard between straight below and the stopping point",
     Code.TOUCHDOWN_UNKNOWN: "the ground map does not know all from straight below to the stopping point",
+    Code.GROUND_MAY_MOVE: "the upper bound of the ground's own speed is above its limit",
+    Code.GROUND_MOTION_UNKNOWN: "nothing tells yet whether the ground moves by itself",
     Code.DWELL: "the surface has not been flat for long enough",
 }
 
@@ -160,6 +164,10 @@ _WORDS = {
     ),
     Code.TOUCHDOWN_HAZARD: "the ground to come down on is a hazard: {status}",
     Code.TOUCHDOWN_UNKNOWN: "the ground to come down on is not known: {status}",
+    Code.GROUND_MAY_MOVE: (
+        "{sure}ground that moves by itself: {value:.2f} m/s, may be {upper:.2f}, limit {limit:.2f}"
+    ),
+    Code.GROUND_MOTION_UNKNOWN: "not known whether the ground moves by itself",
     Code.DWELL: "flat for {value:.1f} s only, {limit:.1f} s asked for",
 }
 

@@ -45,6 +45,8 @@ SHORT_REASONS = {
     Code.UNCALIBRATED: "camera not calibrated",
     Code.TOUCHDOWN_HAZARD: "hazard where it lands",
     Code.TOUCHDOWN_UNKNOWN: "ground below not known",
+    Code.GROUND_MAY_MOVE: "ground may move",
+    Code.GROUND_MOTION_UNKNOWN: "ground motion not known",
 }
 """Code -> at most 25 characters."""
 

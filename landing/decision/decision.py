@@ -118,6 +118,18 @@ def against_landing(
     return ()
 
 
+def against_motion(estimate: SurfaceEstimate, o: DecisionOptions, widen: float = 0.0) -> tuple[Reason, ...]:
+    """What speaks against ground at rest: one standard deviation above what is found must be below the limit."""
+    value, std, limit = estimate.ground_speed_m_s, estimate.ground_speed_std_m_s, o.max_ground_speed_m_s
+    limit *= 1 + widen
+    if value + std <= limit:
+        return ()
+    if not math.isfinite(value + std):
+        return (Reason(Code.GROUND_MOTION_UNKNOWN),)
+    sure = Certainty.PROBABLE if value - std > limit else Certainty.POSSIBLE
+    return (Reason(Code.GROUND_MAY_MOVE, sure, value, value + std, limit),)
+
+
 def against_touchdown(below: Disc, way: Disc, seen: Disc, all_known: bool) -> tuple[Reason, ...]:
     """Reasons of the ground map against landing: the discs straight below and on the path to the stopping point.
 
@@ -164,9 +176,12 @@ class Decider:
         """The verdict after the next estimate; times must not decrease."""
         o, now = self.options, estimate.time_s
         fit = self._verdict.verdict == "fit"
-        reasons = against_landing(estimate, o, o.hysteresis if fit else 0.0, self.area)
+        widen = o.hysteresis if fit else 0.0
+        reasons = against_landing(estimate, o, widen, self.area)
         if not reasons and self.ground is not None:
-            reasons = against_touchdown(*self.ground.under_way(), o.touchdown_known)
+            reasons = against_motion(estimate, o, widen) or against_touchdown(
+                *self.ground.under_way(), o.touchdown_known
+            )
         if not reasons:
             if now - self._seen_s > o.patience_s:
                 # nothing is known of the ground that passed in between

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from landing.estimate import SurfaceEstimate
+from landing.ground.ground_velocity import GroundVelocity
 from landing.ground.in_view import discs_in_view
 from landing.ground.map import CELL_M, CELLS, GroundMap
 from landing.ground.relief import SUPPORT, DenseRelief
@@ -84,6 +85,7 @@ class Ground:
         self.relief = DenseRelief(options, camera)
         self.map = GroundMap(options, camera.focal_px)
         self.scale = Scale()
+        self.motion = GroundVelocity()
         self._last_s = math.nan
         self._velocity: Array | None = None
         self._velocity_std = math.nan
@@ -140,6 +142,7 @@ class Ground:
         """What was seen does not hold: the pictures are not of what is below."""
         self.map.forget()
         self.scale.forget()
+        self.motion.forget()
 
     def report(self, frame: int) -> GroundReport:
         """What can be landed on, at the newest frame."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import pytest
 
-from landing.decision.decision import Decider, against_touchdown
+from landing.decision.decision import Decider, against_motion, against_touchdown
 from landing.estimate import SurfaceEstimate
 from landing.ground.spots import HAZARD, LANDABLE, UNKNOWN, Disc, GroundCode
 from landing.options import DecisionOptions
@@ -24,7 +24,10 @@ FLAT = SurfaceEstimate(
     roughness=0.001,
     roughness_std=0.0002,
     coverage=0.9,
+    ground_speed_m_s=0.1,
+    ground_speed_std_m_s=0.1,
 )
+MOVES = replace(FLAT, ground_speed_m_s=0.5)
 
 
 @pytest.mark.parametrize(
@@ -52,6 +55,30 @@ def test_what_is_not_landable_below_or_a_hazard_on_the_way_speaks_against(
     assert all(reason.ends_verdict for reason in found) is (code is not Code.TOUCHDOWN_UNKNOWN)
 
 
+@pytest.mark.parametrize(
+    ("speed_m_s", "std_m_s", "widen", "code", "ends"),
+    [
+        (0.1, 0.1, 0.0, None, False),
+        (0.2, 0.0999, 0.0, None, False),
+        (0.2, 0.12, 0.0, Code.GROUND_MAY_MOVE, False),
+        (0.2, 0.12, 0.15, None, False),
+        (0.0, 0.4, 0.0, Code.GROUND_MAY_MOVE, False),
+        (0.5, 0.1, 0.0, Code.GROUND_MAY_MOVE, True),
+        (0.5, 0.1, 1.0, None, True),
+        (math.nan, 0.1, 0.0, Code.GROUND_MOTION_UNKNOWN, False),
+        (0.1, math.nan, 0.0, Code.GROUND_MOTION_UNKNOWN, False),
+        (0.1, math.inf, 0.0, Code.GROUND_MOTION_UNKNOWN, False),
+    ],
+)
+def test_ground_is_at_rest_only_where_its_upper_bound_is(
+    speed_m_s: float, std_m_s: float, widen: float, code: Code | None, ends: bool
+):
+    estimate = replace(FLAT, ground_speed_m_s=speed_m_s, ground_speed_std_m_s=std_m_s)
+    found = against_motion(estimate, DecisionOptions(max_ground_speed_m_s=0.3), widen)
+    assert [reason.code for reason in found] == ([] if code is None else [code])
+    assert all(reason.ends_verdict is ends for reason in found)
+
+
 @dataclass
 class Map:
     below: Disc = GOOD
@@ -74,6 +101,11 @@ def test_a_flat_view_is_fit_only_where_the_map_agrees():
     assert verdict_over(Map(seen=UNSEEN)) == "unknown"
     assert verdict_over(Map(below=STEP)) == "unfit"
     assert verdict_over(Map(way=STEP)) == "unfit"
+    assert Decider(DecisionOptions(dwell_s=0.0), None, Map()).step(FLAT).verdict == "fit"
+    (reason,) = Decider(DecisionOptions(dwell_s=0.0), None, Map()).step(MOVES).reasons
+    assert reason.code is Code.GROUND_MAY_MOVE
+    # nobody asks a flat view without a map
+    assert Decider(DecisionOptions(dwell_s=0.0)).step(MOVES).verdict == "fit"
     steep = replace(FLAT, inclination_deg=20.0)
     assert Decider(DecisionOptions(), None, Map()).step(steep).verdict == "unfit"
 
@@ -88,3 +120,13 @@ def test_a_hazard_ends_a_verdict_at_once_and_the_unknown_after_the_patience():
     assert decider.step(replace(FLAT, time_s=2.5)).verdict == "unknown"
     ground.below = STEP
     assert decider.step(replace(FLAT, time_s=2.6)).verdict == "unfit"
+
+
+def test_the_limit_of_the_ground_widens_while_it_is_fit():
+    options = DecisionOptions(dwell_s=0.0, hysteresis=0.2, max_ground_speed_m_s=0.2)
+    decider = Decider(options, None, Map())
+    faster = replace(FLAT, ground_speed_m_s=0.13)
+    assert decider.step(faster).verdict == "unknown"
+    assert decider.step(replace(FLAT, time_s=0.1)).verdict == "fit"
+    assert not decider.step(replace(faster, time_s=0.2)).reasons
+    assert decider.step(replace(MOVES, time_s=0.3)).verdict == "unknown"
