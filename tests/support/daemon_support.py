@@ -233,6 +233,11 @@ class DaemonBench:
             self._lost = self._behind()
         return True
 
+    def wrong_now(self) -> list[str]:
+        """The conditions of the newest health; a busy machine that skips frames says so, which no test forbids."""
+        codes = [c["code"] for c in self.of("health")[-1]["conditions"]]
+        return [code for code in codes if code != "overloaded"]
+
     def join(self, timeout_s: float) -> None:
         """Wait for the daemon's end."""
         self.daemon_thread.join(timeout=timeout_s)
