@@ -303,7 +303,7 @@ class DecisionOptions:
     ] = 0.3
     touchdown_known: Annotated[
         bool, "require measured ground all the way to the stopping point, not only straight below"
-    ] = False
+    ] = True
 
 
 @dataclass(frozen=True, slots=True)
