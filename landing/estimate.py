@@ -55,6 +55,9 @@ class SurfaceEstimate:
     roughness_std: float = NAN
     height_m: float = NAN
     height_std_m: float = NAN
+    ground_speed_m_s: float = NAN
+    """Of the ground by itself, with the slow error of the autopilot's velocity."""
+    ground_speed_std_m_s: float = NAN
     features: int = 0
     inlier_fraction: float = NAN
     fit_error_px: float = NAN

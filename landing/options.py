@@ -298,9 +298,12 @@ class DecisionOptions:
     min_area_measured: Annotated[float, Limits(0, 1, "", "smallest measured share of that ground")] = 0.8
     max_standing: Annotated[int, Limits(0, 100, "", "points that may stand out from a flat surface")] = 0
     min_coverage: Annotated[float, Limits(0, 1, "", "smallest share of the image with tracks")] = 0.35
+    max_ground_speed_m_s: Annotated[
+        float, Limits(0.05, 10, "m/s", "speed of the ground by itself, as far as it is known, landed on")
+    ] = 0.3
     touchdown_known: Annotated[
         bool, "require measured ground all the way to the stopping point, not only straight below"
-    ] = False
+    ] = True
 
 
 @dataclass(frozen=True, slots=True)

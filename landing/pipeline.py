@@ -15,6 +15,7 @@ from landing.ground.appearance import AppearanceChange
 from landing.ground.border import Border
 from landing.ground.drop_off import DropOff
 from landing.ground.ground import Ground
+from landing.ground.ground_velocity import passage
 from landing.ground.roughness import Relief, ReliefMap
 from landing.motion.contradictions import Contradictions, rotation_chi2, velocity_chi2
 from landing.motion.views import Views
@@ -107,8 +108,10 @@ class SurfacePipeline:
             observation, None if prediction is None else prediction[0], self._expected(observation)
         )
         self.relief.memory.move(*(prediction or (None, None)))
-        self._last_s = observation.time_s
+        passed_s, self._last_s = observation.time_s - self._last_s, observation.time_s
         plane = self.estimator.step(self.views)
+        sink_m_s = 0.0 if observation.velocity_ned is None else float(observation.velocity_ned[2])
+        self.ground.motion.step(passed_s, passage(self.views, plane, self.options.estimator), sink_m_s)
         confirmed = self.time_offset.confirmed
         self.time_offset.step(self.views, plane)
         if self.time_offset.moved:
@@ -147,7 +150,10 @@ class SurfacePipeline:
             velocity = ned_from_camera.T @ observation.velocity_ned
             chi2 = velocity_chi2(velocity, observation.velocity_std, plane.omega, plane.omega_std)
         late = self.time_offset
-        self.contradictions.step(observation.time_s, rotation, chi2, late.late_s, late.std_s, late.at_bound)
+        ground = self.ground.motion.speed_m_s, self.ground.motion.std_m_s
+        self.contradictions.step(
+            observation.time_s, rotation, chi2, ground, late.late_s, late.std_s, late.at_bound
+        )
         if self.contradictions.failing:
             late.search()
 
@@ -246,6 +252,8 @@ class SurfacePipeline:
             unsettled=unsettled,
             suspicious=suspicious,
             appearance_change=bool(appearance_change),
+            ground_speed_m_s=self.ground.motion.speed_m_s,
+            ground_speed_std_m_s=self.ground.motion.std_m_s,
             tracks=self._track_view(plane, relief_),
             **known,
         )

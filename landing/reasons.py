@@ -84,6 +84,9 @@ class Code(StrEnum):
     GROUND_NOT_SEEN = "ground_not_seen"
     TOUCHDOWN_HAZARD = "touchdown_hazard"
     TOUCHDOWN_UNKNOWN = "touchdown_unknown"
+    STOPPING_POINT_UNKNOWN = "stopping_point_unknown"
+    GROUND_MAY_MOVE = "ground_may_move"
+    GROUND_MOTION_UNKNOWN = "ground_motion_unknown"
     DWELL = "dwell"
 
 
@@ -106,7 +109,10 @@ MEANING = {
     Code.GROUND_UNRESOLVED: "from this height one track averages over too much ground",
     Code.GROUND_NOT_SEEN: "too little of the landing area is measured",
     Code.TOUCHDOWN_HAZARD: "the ground map has a hazard between straight below and the stopping point",
-    Code.TOUCHDOWN_UNKNOWN: "the ground map does not know all from straight below to the stopping point",
+    Code.TOUCHDOWN_UNKNOWN: "the ground map does not know the ground straight below",
+    Code.STOPPING_POINT_UNKNOWN: "the ground map does not know all on the way to the stopping point: fly slower",
+    Code.GROUND_MAY_MOVE: "the upper bound of the ground's own speed is above its limit",
+    Code.GROUND_MOTION_UNKNOWN: "nothing tells yet whether the ground moves by itself",
     Code.DWELL: "the surface has not been flat for long enough",
 }
 
@@ -117,7 +123,7 @@ class Reason:
 
     Units are those of the code: degrees, shares of the distance, metres, seconds or a number of points. NaN where
     a code has no such number. ``status`` is the estimate's with NO_ESTIMATE, and the disc's
-    codes with TOUCHDOWN_HAZARD and TOUCHDOWN_UNKNOWN.
+    codes with TOUCHDOWN_HAZARD, TOUCHDOWN_UNKNOWN and STOPPING_POINT_UNKNOWN.
     """
 
     code: Code
@@ -159,7 +165,12 @@ _WORDS = {
         "the ground to land on is not seen: {value:.2f} of it is measured, at least {limit:.2f}"
     ),
     Code.TOUCHDOWN_HAZARD: "the ground to come down on is a hazard: {status}",
-    Code.TOUCHDOWN_UNKNOWN: "the ground to come down on is not known: {status}",
+    Code.TOUCHDOWN_UNKNOWN: "the ground straight below is not known: {status}",
+    Code.STOPPING_POINT_UNKNOWN: "the ground where the vehicle would stop is not known, fly slower: {status}",
+    Code.GROUND_MAY_MOVE: (
+        "{sure}ground that moves by itself: {value:.2f} m/s, may be {upper:.2f}, limit {limit:.2f}"
+    ),
+    Code.GROUND_MOTION_UNKNOWN: "not known whether the ground moves by itself",
     Code.DWELL: "flat for {value:.1f} s only, {limit:.1f} s asked for",
 }
 

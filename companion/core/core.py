@@ -133,7 +133,7 @@ class Core:
         self._pipeline.ground.limit(options.max_inclination_deg, options.sigmas)
         self._logic.set_decision(options, LandingArea(self._camera, options, self._pipeline.options.tracking))
 
-    def under_way(self) -> tuple[Disc, Disc, Disc]:
+    def under_way(self) -> tuple[Disc, Disc]:
         """The ground map's answer, see ``GroundBelow``."""
         return self._pipeline.ground.under_way()
 

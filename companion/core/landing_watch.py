@@ -82,9 +82,9 @@ class LandingWatch:
             # the map still has older measurements, but this frame has none
             return ()
         if self._ground is not None:
-            below, way, seen = self._ground.under_way()
+            below, way = self._ground.under_way()
             if GroundCode.NO_METRES not in below.reasons:
-                found = against_touchdown(below, way, seen, all_known=False)
+                found = against_touchdown(below, way, all_known=False)
                 return in_words(reason for reason in found if reason.code is Code.TOUCHDOWN_HAZARD)
         if self._unfit and MEASURED.intersection(estimate.against_flat_codes):
             return estimate.against_flat

@@ -107,7 +107,7 @@ class LivePipeline:
         """The autopilot is being asked for hold, by us."""
         self._core.hold()
 
-    def under_way(self) -> tuple[Disc, Disc, Disc]:
+    def under_way(self) -> tuple[Disc, Disc]:
         """The ground map's answer, see ``GroundBelow``."""
         return self._core.under_way()
 

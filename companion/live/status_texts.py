@@ -45,6 +45,9 @@ SHORT_REASONS = {
     Code.UNCALIBRATED: "camera not calibrated",
     Code.TOUCHDOWN_HAZARD: "hazard where it lands",
     Code.TOUCHDOWN_UNKNOWN: "ground below not known",
+    Code.STOPPING_POINT_UNKNOWN: "fly slower to land",
+    Code.GROUND_MAY_MOVE: "ground may move",
+    Code.GROUND_MOTION_UNKNOWN: "ground motion not known",
 }
 """Code -> at most 25 characters."""
 

@@ -301,9 +301,7 @@ class Settings:
     zenoh: ZenohSettings = field(default_factory=ZenohSettings)
     tracking: Annotated[
         TrackingOptions,
-        UserSettings(
-            "max_features",
-        ),
+        UserSettings("max_features"),
     ] = field(default_factory=TrackingOptions)
     estimator: Annotated[
         EstimatorOptions,
@@ -332,6 +330,7 @@ class Settings:
             "landing_radius_m",
             "min_area_measured",
             "min_coverage",
+            "max_ground_speed_m_s",
             "touchdown_known",
         ),
     ] = field(default_factory=DecisionOptions)

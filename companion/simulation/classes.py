@@ -1,7 +1,8 @@
 """Random flights in classes that are counted apart.
 
 A flight is known by its seed: below ``CLASS_SEEDS`` it is an ordinary random flight ("control"), from there on each
-class has so many seeds of its own. Every class is a change of the random scenario, without its faults.
+class has so many seeds of its own. Every class is a change of the random scenario, without its faults. Unkind classes
+have ways of their own, which are slowed down as the random ones are.
 """
 
 import random
@@ -9,7 +10,7 @@ from dataclasses import replace
 
 from companion.simulation.contradictions import CONTRADICTIONS
 from companion.simulation.procedure_scenario import PROCEDURES
-from companion.simulation.random_scenario import random_scenario
+from companion.simulation.random_scenario import random_scenario, slowing_down
 from companion.simulation.scenario import Scenario
 from companion.simulation.unkind_scenario import UNKIND
 
@@ -28,7 +29,9 @@ def scenario_of(seed: int) -> Scenario:
     name, plain = CLASSES[number], random_scenario(own)
     basics = replace(plain.basics, description=name, seed=seed)
     scenario = replace(plain, name=f"{name}_{own}", basics=basics, faults=())
-    return CHANGES[name](scenario, random.Random(seed))
+    r = random.Random(seed)
+    scenario = CHANGES[name](scenario, r)
+    return slowing_down(scenario, r) if name in UNKIND else scenario
 
 
 def seeds_of(names: list[str], count: int, first: int = 0) -> list[int]:

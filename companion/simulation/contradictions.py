@@ -11,6 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 from companion.simulation.scenario import Fault, Scenario, WindScene
+from companion.simulation.unkind_scenario import level
 
 Change = Callable[[Scenario, random.Random], Scenario]
 
@@ -76,6 +77,11 @@ def _gusts(scenario: Scenario, r: random.Random) -> Scenario:
     return replace(scenario, wind=wind)
 
 
+def _over_level_ground(change: Change) -> Change:
+    """The flight of ``moving_ground`` with the ground at rest."""
+    return lambda scenario, r: change(level(scenario, r), r)
+
+
 CONTRADICTIONS: dict[str, Change] = {
     "yaw_180": _yaw(180.0),
     "yaw_90": _yaw(90.0),
@@ -89,5 +95,9 @@ CONTRADICTIONS: dict[str, Change] = {
     "sound_gps_drift": _gps_drift,
     "sound_slow_velocity": _slow_velocity,
     "sound_gusts": _gusts,
+    "at_rest": _over_level_ground(lambda scenario, _: scenario),
+    "at_rest_gps_drift": _over_level_ground(_gps_drift),
+    "at_rest_slow_velocity": _over_level_ground(_slow_velocity),
+    "at_rest_gusts": _over_level_ground(_gusts),
 }
 """Name -> what changes in the random scenario. "late" is no contradiction once the search has found the lateness."""

@@ -5,12 +5,18 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from drivers.simulated.vehicle.quaternion import to_euler
+from drivers.simulated.vehicle.quaternion import to_euler, to_matrix
 from drivers.simulated.world.truth import FrameTruth
 from drivers.simulated.world.world import World
 from landing.estimate import SurfaceEstimate
+from landing.ground.ground import stopping_distance
 from landing.ground.landing_area import LandingArea
+from landing.ground.relief import SUPPORT
+from landing.vision.camera import CameraModel
+
+Array = NDArray[np.float64]
 
 Fitness = Literal["fit", "unfit", "between"]
 
@@ -21,6 +27,9 @@ SLOPE_MARGIN_DEG = 2.0
 PATCH_M = 0.5
 """Radius of the ground that is looked at under a vehicle: it stands on that, however it is turned."""
 PATCH_POINTS = 11
+_RIM = np.arange(8) * (math.pi / 4)
+KNOWN_IN_S = 0.5
+"""Ground that has been in view for so long can be measured: the longest baseline."""
 UNEVEN_M = 0.1
 """A vehicle tips over something that rises this far out of the ground it stands on."""
 
@@ -63,8 +72,12 @@ def fitness(truth: FrameTruth, max_inclination_deg: float) -> Fitness:
     return "between"
 
 
-def measurable(truth: FrameTruth, area: LandingArea) -> bool:
-    """Whether the ground straight below is in view, from low enough for what the settings ask for."""
+def measurable(truth: FrameTruth, area: LandingArea, camera: CameraModel) -> bool:
+    """Whether the ground where it would land can be known: from straight below to the stopping point in view now and
+    half a second ago, from low enough for what the settings ask for."""
+    o = area.options
+    if o.touchdown_known and not _stop_in_view(truth, camera, o.landing_radius_m):
+        return False
     roll, pitch, _ = to_euler((truth.qw, truth.qx, truth.qy, truth.qz))
     known = SurfaceEstimate(
         truth.frame,
@@ -77,6 +90,48 @@ def measurable(truth: FrameTruth, area: LandingArea) -> bool:
         pitch_deg=math.degrees(pitch),
         height_m=truth.axis_distance_m,
     )
-    options = area.options
-    low = area.patch_m(truth.axis_distance_m) <= options.max_patch_m
-    return low and area.in_view(known) >= options.min_area_measured
+    low = area.patch_m(truth.axis_distance_m) <= o.max_patch_m
+    return low and area.in_view(known) >= o.min_area_measured
+
+
+def _stop_in_view(truth: FrameTruth, camera: CameraModel, radius_m: float) -> bool:
+    """Whether the disc at the stopping point has been in view for ``KNOWN_IN_S``."""
+    velocity = np.array((truth.vn, truth.ve))
+    speed = math.hypot(truth.vn, truth.ve)
+    stop = velocity * (stopping_distance(speed) / speed if speed > 0 else 0.0)
+    places = np.stack((stop, stop + velocity * KNOWN_IN_S))
+    ned_from_camera = np.array(to_matrix((truth.qw, truth.qx, truth.qy, truth.qz))) @ camera.body_from_camera
+    normal = np.array((-truth.slope_a, -truth.slope_b, 1.0))
+    margin_px = SUPPORT / 2
+    inside = discs_in_view(
+        camera, ned_from_camera, normal, truth.axis_distance_m, places, radius_m, margin_px
+    )
+    return bool(inside.all())
+
+
+def discs_in_view(
+    camera: CameraModel,
+    ned_from_camera: Array,
+    normal: Array,
+    distance_m: float,
+    places: Array,
+    radius_m: float,
+    margin_px: float,
+) -> NDArray[np.bool_]:
+    """Whether each disc (n,) lies whole in the picture, ``margin_px`` from its border or more.
+
+    ``places`` (n, 2) are the discs' middles, north and east of the camera in m. The surface is the plane
+    normal . X = distance_m in the camera frame, ``normal`` (-a, -b, 1).
+    """
+    rim = places[:, None, :] + radius_m * np.stack((np.cos(_RIM), np.sin(_RIM)), axis=1)
+    towards = ned_from_camera @ normal
+    if not towards[2] > 0:
+        return np.zeros(len(places), bool)
+    down = (distance_m - rim @ towards[:2]) / towards[2]
+    rays = np.concatenate((rim, down[..., None]), axis=-1) @ ned_from_camera
+    ahead = rays[..., 2] > 0
+    there = rays[..., :2] / np.where(ahead, rays[..., 2], 1.0)[..., None]
+    pixels = camera.project(there.reshape(-1, 2))
+    far = np.array((camera.width, camera.height)) - 1 - margin_px
+    inside = ((pixels >= margin_px) & (pixels <= far)).all(axis=1).reshape(ahead.shape)
+    return np.asarray((inside & ahead).all(axis=1))

@@ -220,7 +220,8 @@ class _Flight:
         fit = word == "fit" and time_s >= self._scenario.pilot.switch_on_s
         self._fit_s = self._fit_s + period_s if fit else 0.0
         result.longest_fit_s = max(result.longest_fit_s, self._fit_s)
-        self._chance_s = self._chance_s + period_s if fit and measurable(truth, self._area) else 0.0
+        chance = fit and measurable(truth, self._area, self._scene.camera_model)
+        self._chance_s = self._chance_s + period_s if chance else 0.0
         result.longest_chance_s = max(result.longest_chance_s, self._chance_s)
 
     def _deliver(self, time_s: float) -> None:

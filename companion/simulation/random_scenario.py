@@ -17,7 +17,7 @@ from companion.simulation.scenario import (
     WindScene,
 )
 
-DURATION_S = 6.0
+DURATION_S = 7.0
 MATERIALS = ("noise", "gravel", "grass", "tiles", "wood", "concrete", "asphalt", "roof")
 GROUNDS = {
     "level": 0.14,
@@ -35,6 +35,10 @@ BLUR_SHARE = 0.15
 TURN_SHARE = 0.25
 ROLLING_SHARE, KNOWN_SHARE, LONGEST_READOUT_S = 0.7, 0.5, 0.03
 """Shares of flights with a rolling shutter, and of those whose readout is set."""
+
+SLOWS_SHARE, SLOWS_AT_S, CREEPS = 0.7, (1.5, 3.0), 0.06
+"""Share of the flights that slow down as a pilot does before a landing, when, and the largest speed then over the
+height, 1/s: the autopilot lands at the stopping point, which only then lies on measured ground."""
 
 Surfaces = tuple[dict[str, Any], ...]
 
@@ -76,7 +80,21 @@ def random_scenario(seed: int) -> Scenario:
     # drawn last, so that a seed's flight stays the same
     readout_s = round(r.uniform(0, LONGEST_READOUT_S), 4) if r.random() < ROLLING_SHARE else 0.0
     known = r.random() < KNOWN_SHARE
-    return replace(scenario, camera=replace(scenario.camera, readout_s=readout_s, readout_known=known))
+    scenario = replace(scenario, camera=replace(scenario.camera, readout_s=readout_s, readout_known=known))
+    return slowing_down(scenario, r)
+
+
+def slowing_down(scenario: Scenario, r: random.Random) -> Scenario:
+    """The scenario, in a share of the cases cut short by a leg at a creep to its end."""
+    if r.random() >= SLOWS_SHARE:
+        return scenario
+    left_s, legs = round(r.uniform(*SLOWS_AT_S), 2), []
+    for leg in scenario.legs:
+        if left_s > 0:
+            legs.append(replace(leg, seconds=min(leg.seconds, left_s)))
+            left_s = round(left_s - leg.seconds, 2)
+    creep = math.copysign(r.uniform(0, CREEPS) * scenario.start.height_m, legs[-1].forward_m_s)
+    return replace(scenario, legs=(*legs, Leg(60, forward_m_s=round(creep, 2))))
 
 
 def _camera(r: random.Random) -> CameraScene:

@@ -144,7 +144,7 @@ def _edge(s: Scenario, r: random.Random) -> Scenario:
     return _flown(s, height, Leg(60, forward_m_s=round(speed, 2)), seconds=5.0)
 
 
-def _level(s: Scenario, r: random.Random, material: str = "") -> Scenario:
+def level(s: Scenario, r: random.Random, material: str = "") -> Scenario:
     """Fit ground; what is wrong is in the picture."""
     texture = _texture(r) | ({"material": material} if material else {})
     camera = replace(s.camera, brightness=1.0, contrast=1.0, exposure_s=0.0)
@@ -154,19 +154,19 @@ def _level(s: Scenario, r: random.Random, material: str = "") -> Scenario:
 
 def _in_view(what: Literal["skids", "dirt", "shadow"]) -> Change:
     def change(s: Scenario, r: random.Random) -> Scenario:
-        s = _level(s, r)
+        s = level(s, r)
         return replace(s, camera=replace(s.camera, in_view=what))
 
     return change
 
 
 def _tiles(s: Scenario, r: random.Random) -> Scenario:
-    return _level(s, r, "tiles")
+    return level(s, r, "tiles")
 
 
 def _moving_ground(s: Scenario, r: random.Random) -> Scenario:
     """Nothing to stand on: water, a belt, another vehicle's roof."""
-    s = _level(s, r)
+    s = level(s, r)
     moves = {"moves_m_s": round(r.uniform(*GROUND_M_S), 2), "moves_deg": round(r.uniform(0, 360), 1)}
     s = replace(s, expect=replace(s.expect, landing="none"))
     return replace(s, surfaces=tuple({**surface, **moves} for surface in s.surfaces))
@@ -178,7 +178,7 @@ def _moving_below_hover(s: Scenario, r: random.Random) -> Scenario:
 
 def _walker(s: Scenario, r: random.Random) -> Scenario:
     """Somebody of the size of a person crosses the way."""
-    s = _level(s, r)
+    s = level(s, r)
     side = r.choice((1, -1))
     pace, when = r.uniform(0.3, 1.2), r.uniform(2.0, 5.0)
     ahead = s.legs[0].forward_m_s * when + r.uniform(-0.3, 0.6)

@@ -118,72 +118,104 @@ def against_landing(
     return ()
 
 
-def against_touchdown(below: Disc, way: Disc, seen: Disc, all_known: bool) -> tuple[Reason, ...]:
+def against_motion(estimate: SurfaceEstimate, o: DecisionOptions, widen: float = 0.0) -> tuple[Reason, ...]:
+    """What speaks against ground at rest: one standard deviation above what is found must be below the limit."""
+    value, std, limit = estimate.ground_speed_m_s, estimate.ground_speed_std_m_s, o.max_ground_speed_m_s
+    limit *= 1 + widen
+    if value + std <= limit:
+        return ()
+    if not math.isfinite(value + std):
+        return (Reason(Code.GROUND_MOTION_UNKNOWN),)
+    sure = Certainty.PROBABLE if value - std > limit else Certainty.POSSIBLE
+    return (Reason(Code.GROUND_MAY_MOVE, sure, value, value + std, limit),)
+
+
+def against_touchdown(below: Disc, way: Disc, all_known: bool) -> tuple[Reason, ...]:
     """Reasons of the ground map against landing: the discs straight below and on the path to the stopping point.
 
     A vehicle that moves lands at its stopping point, ahead of where it is. No disc of the path may be a hazard
-    (``way`` is the worst of them). The disc ``below`` must be landable, and so must the discs of the path that have
-    been in view for long enough to be known (``seen`` is the worst); with ``all_known`` all discs of the path.
-    Without it the stopping point may lie outside the view.
+    (``way`` is the worst of them). The disc ``below`` must be landable, and with ``all_known`` so must all discs of
+    the path: in fast or low flight they lie ahead of the measured ground, and only a slower flight makes them known.
     """
     for disc in (below, way):
         if disc.verdict == HAZARD:
             return (Reason(Code.TOUCHDOWN_HAZARD, Certainty.CERTAIN, status=", ".join(disc.reasons)),)
-    for disc in (below, way if all_known else seen):
+    asked = ((below, Code.TOUCHDOWN_UNKNOWN), (way, Code.STOPPING_POINT_UNKNOWN))
+    for disc, code in asked if all_known else asked[:1]:
         if disc.verdict != LANDABLE or disc.reasons:
-            return (Reason(Code.TOUCHDOWN_UNKNOWN, status=", ".join(disc.reasons)),)
+            return (Reason(code, status=", ".join(disc.reasons)),)
     return ()
 
 
 class GroundBelow(Protocol):
     """What the decision needs of the ground map."""
 
-    def under_way(self) -> tuple[Disc, Disc, Disc]:
-        """At the newest frame: the disc straight below, the worst from there to the stopping point, and the worst of
-        those which have been in view long enough to be known."""
+    def under_way(self) -> tuple[Disc, Disc]:
+        """At the newest frame: the disc straight below, and the worst from there to the stopping point."""
         ...
+
+
+class _Held:
+    """How long something has held."""
+
+    def __init__(self) -> None:
+        self.since_s, self.last_s = math.inf, -math.inf
+
+    def step(self, now_s: float, patience_s: float) -> float:
+        """It holds now; for how long, s. After a silence nothing is known of what came between."""
+        if self.since_s > now_s or not now_s - self.last_s <= patience_s:
+            self.since_s = now_s
+        self.last_s = now_s
+        return now_s - self.since_s
+
+    def end(self) -> None:
+        """It holds no longer."""
+        self.since_s = math.inf
 
 
 class Decider:
     """The verdict over time: "fit" after ``dwell_s`` without a reason against landing, with hysteresis.
 
-    While it is "fit", limits are wider by ``hysteresis``, and reasons that are only possible end it after
-    ``patience_s``. A certain reason makes it "unfit", any other "unknown". Without ``area`` the place of the tracks
-    in the image is not checked, without ``ground`` the ground map is not.
+    The ground at the stopping point, which comes nearer as the vehicle brakes, must have been known for
+    ``options.patience_s`` only: the map has fused several looks at it. Without ``area`` nothing is asked of where in
+    the picture the surface was measured, without ``ground`` nothing of the ground map.
     """
 
     def __init__(
         self, options: DecisionOptions, area: LandingArea | None = None, ground: GroundBelow | None = None
     ) -> None:
         self.options, self.area, self.ground = options, area, ground
-        self._flat_since: float | None = None
-        self._seen_s = -math.inf
+        self._flat, self._known = _Held(), _Held()
         self._verdict = Verdict("unknown", (Reason(Code.NOTHING_SEEN),), math.nan, False)
 
     def step(self, estimate: SurfaceEstimate) -> Verdict:
         """The verdict after the next estimate; times must not decrease."""
         o, now = self.options, estimate.time_s
         fit = self._verdict.verdict == "fit"
-        reasons = against_landing(estimate, o, o.hysteresis if fit else 0.0, self.area)
+        widen = o.hysteresis if fit else 0.0
+        reasons = against_landing(estimate, o, widen, self.area)
         if not reasons and self.ground is not None:
-            reasons = against_touchdown(*self.ground.under_way(), o.touchdown_known)
+            reasons = against_motion(estimate, o, widen) or against_touchdown(
+                *self.ground.under_way(), o.touchdown_known
+            )
+        # the surface below is flat all the same while the stopping point still lies ahead of what is known
+        ahead = [reason.code for reason in reasons] == [Code.STOPPING_POINT_UNKNOWN]
+        if ahead:
+            self._flat.step(now, o.patience_s)
         if not reasons:
-            if now - self._seen_s > o.patience_s:
-                # nothing is known of the ground that passed in between
-                self._flat_since = None
-            self._seen_s = now
-            if self._flat_since is None:
-                self._flat_since = now
-            held = now - self._flat_since
-            if held >= o.dwell_s:
-                return self._turn("fit", (), now)
-            return self._turn("unknown", (Reason(Code.DWELL, value=held, limit=o.dwell_s),), now)
+            flat_s, known_s = self._flat.step(now, o.patience_s), self._known.step(now, o.patience_s)
+            for held_s, asked_s in ((flat_s, o.dwell_s), (known_s, min(o.patience_s, o.dwell_s))):
+                if not held_s >= asked_s:
+                    return self._turn("unknown", (Reason(Code.DWELL, value=held_s, limit=asked_s),), now)
+            return self._turn("fit", (), now)
         certain = any(reason.certainty is Certainty.CERTAIN for reason in reasons)
         doubtful = any(reason.ends_verdict for reason in reasons)
-        if fit and not doubtful and now - self._seen_s <= o.patience_s:
+        if fit and not doubtful and now - self._known.last_s <= o.patience_s:
             return self._turn("fit", (), now)
         if doubtful:
-            self._flat_since = None
+            self._flat.end()
+        if ahead:
+            self._known.end()
         return self._turn("unfit" if certain else "unknown", reasons, now)
 
     def _turn(self, verdict: str, reasons: tuple[Reason, ...], now: float) -> Verdict:

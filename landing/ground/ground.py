@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from landing.estimate import SurfaceEstimate
-from landing.ground.in_view import discs_in_view
+from landing.ground.ground_velocity import GroundVelocity
 from landing.ground.map import CELL_M, CELLS, GroundMap
-from landing.ground.relief import SUPPORT, DenseRelief
+from landing.ground.relief import DenseRelief
 from landing.ground.scale import Scale, along_normal
 from landing.ground.spots import UNKNOWN, Disc, Discs, GroundCode, Spot
 from landing.motion.views import Views
@@ -21,8 +21,6 @@ from landing.vision.camera import CameraModel
 
 Array = NDArray[np.float64]
 
-_KNOWN_IN_S = 0.5
-"""Ground that has been in view for so long is known, or there is something about it: the longest baseline."""
 _STEP_M = 0.1
 """Places of the way to the stopping point are so far apart."""
 _DISPUTED = 0.5
@@ -80,19 +78,18 @@ class Ground:
     """Feed it every frame; ``report`` says what it comes to."""
 
     def __init__(self, options: GroundOptions, camera: CameraModel) -> None:
-        self.options, self._camera = options, camera
+        self.options = options
         self.relief = DenseRelief(options, camera)
         self.map = GroundMap(options, camera.focal_px)
         self.scale = Scale()
+        self.motion = GroundVelocity()
         self._last_s = math.nan
         self._velocity: Array | None = None
-        self._velocity_std = math.nan
         self._delay_s = 0.0
         self._tilt_std_deg = math.nan
         self._approach = math.nan
         self._moved: Array | None = None
         self._level = math.nan
-        self._surface: tuple[Array, Array, float] | None = None
 
     def step(self, views: Views, plane: Plane, observation: Observation, estimate: SurfaceEstimate) -> None:
         """Take the frame that ``views`` and ``plane`` are of; ``estimate`` has its height."""
@@ -109,15 +106,13 @@ class Ground:
             estimate.height_std_m / length,
         )
         distance_m = self.scale.distance_m * length
-        self._velocity, self._velocity_std = observation.velocity_ned, observation.velocity_std
+        self._velocity = observation.velocity_ned
         self._delay_s = max(0.0, observation.delay_s)
         self._tilt_std_deg = estimate.inclination_std_deg
         self._approach = approach / length if known else math.nan
         # the way down to the plane straight below, over the distance along its normal
-        self._level, self._surface = math.nan, None
+        self._level = math.nan
         if ned_from_camera is not None:
-            if math.isfinite(distance_m):
-                self._surface = ned_from_camera, normal, distance_m
             self._level = length / abs(float((ned_from_camera @ normal)[2]))
         self._moved = None
         way = None
@@ -140,6 +135,7 @@ class Ground:
         """What was seen does not hold: the pictures are not of what is below."""
         self.map.forget()
         self.scale.forget()
+        self.motion.forget()
 
     def report(self, frame: int) -> GroundReport:
         """What can be landed on, at the newest frame."""
@@ -180,9 +176,8 @@ class Ground:
             state,
         )
 
-    def under_way(self) -> tuple[Disc, Disc, Disc]:
-        """At the newest frame: the disc straight below, the worst from there to the stopping point, and the worst of
-        those which have been in view long enough to be known (landable where none has)."""
+    def under_way(self) -> tuple[Disc, Disc]:
+        """At the newest frame: the disc straight below, and the worst from there to the stopping point."""
         way = self._way()
         places = self.map.place[None, :2] if way is None else way
         cells = [
@@ -192,20 +187,8 @@ class Ground:
         discs = self._discs(inside)
         below = discs.at(*self.map.cell_of(*places[0].tolist()))
         if way is None:
-            return below, _NO_STOP, _NO_STOP
-        seen = way[self._long_in_view(way - self.map.place[:2])]
-        return below, discs.along(self.map, way), discs.along(self.map, seen) if len(seen) else below
-
-    def _long_in_view(self, offsets: Array) -> NDArray[np.bool_]:
-        """Which discs about places (n, 2), north and east from the vehicle, have been in view long enough.
-
-        All of them while nothing says where the view ends.
-        """
-        if self._surface is None or self._velocity is None:
-            return np.ones(len(offsets), bool)
-        radius_m, way = self.options.landing_radius_m, self._velocity[:2] * _KNOWN_IN_S
-        now = discs_in_view(self._camera, *self._surface, offsets, radius_m, SUPPORT / 2)
-        return now & discs_in_view(self._camera, *self._surface, offsets + way, radius_m, SUPPORT / 2)
+            return below, _NO_STOP
+        return below, discs.along(self.map, way)
 
     def spots(self) -> tuple[Spot, ...]:
         """Landable discs, best first, from the vehicle."""
@@ -242,11 +225,13 @@ class Ground:
     def _stopping_point(self) -> tuple[float, float] | None:
         """Where ArduCopter's LAND stops, north and east of the vehicle, m; None without a velocity.
 
+        By the view's motion in the map's own metres where there is one: the noise of a velocity moves the point about.
         The frame is ``delay_s`` old: the vehicle has flown on by so much already.
         """
-        if self._velocity is None:
+        velocity = self._velocity if self._moved is None else self._moved
+        if velocity is None:
             return None
-        north, east = self._velocity[:2].tolist()
+        north, east = velocity[:2].tolist()
         speed = math.hypot(north, east)
         way = stopping_distance(speed) + speed * self._delay_s
         if not math.isfinite(way):

@@ -2,8 +2,9 @@
 
 Three comparisons, each with its own statistic: the error of the measured rotation that the tracks show, against what
 its own uncertainty allows; the motion over the plane against the autopilot's velocity, whose direction must agree for
-some height; the lateness of the frames against what it was and against the bound of the search. Each statistic is a
-mean over the last second or two of chi-square per degree of freedom: 1 where all is well, whatever the noise.
+some height, and whose changes tell whether the ground moves by itself; the lateness of the frames against what it was
+and against the bound of the search. The first two are means over the last second or two of chi-square per degree of
+freedom: 1 where all is well, whatever the noise.
 """
 
 import math
@@ -35,6 +36,9 @@ _LEAST_SHARE = 1e-3
 
 _DRIFT = 0.3
 """Slow error of the autopilot's velocity, one sigma of an axis, m/s: GPS drift, a slow filter, wind estimates."""
+
+_MOVES_M_S, _MOVES_SIGMAS, _RESTS_M_S = 0.6, 2.0, 0.4
+"""Speed of the ground that fails by that many standard deviations, above GPS drift, and the one that holds again."""
 
 _INVERSE_HEIGHTS = 1.0 / np.geomspace(0.3, 200.0, 60)
 """Heights at which the velocity is compared, 1/m."""
@@ -101,7 +105,7 @@ class Contradictions:
     def __init__(self) -> None:
         self._rotation, self._velocity = Mean(_ROTATION_FAILS), Mean(_VELOCITY_FAILS)
         self._late_before_s: float | None = None
-        self._late_fails = False
+        self._late_fails = self._ground_moves = False
         self._last_s: float | None = None
 
     @property
@@ -109,7 +113,7 @@ class Contradictions:
         """The comparisons that fail now."""
         all_of_them = (
             (Status.ROTATION_CONTRADICTS, self._rotation.fails),
-            (Status.VELOCITY_CONTRADICTS, self._velocity.fails),
+            (Status.VELOCITY_CONTRADICTS, self._velocity.fails or self._ground_moves),
             (Status.LATENESS_CONTRADICTS, self._late_fails),
         )
         return tuple(status for status, fails in all_of_them if fails)
@@ -119,19 +123,22 @@ class Contradictions:
         time_s: float,
         rotation: tuple[float, int],
         velocity_chi2_: float,
+        ground: tuple[float, float],
         late_s: float,
         late_std_s: float,
         late_at_bound: bool = False,
     ) -> None:
         """Take a frame's comparisons: chi-square and degrees of freedom, chi-square (nan: none), lateness.
 
-        ``late_at_bound``: the lateness is at least so much, farther is not looked for.
+        ``ground``: the ground's own speed with its standard deviation, m/s (nan: unknown). ``late_at_bound``: the
+        lateness is at least so much, farther is not looked for.
         """
         passed_s = 0.0 if self._last_s is None else time_s - self._last_s
         self._last_s = time_s
         self._rotation.step(*rotation, passed_s)
         known = math.isfinite(velocity_chi2_)
         self._velocity.step(velocity_chi2_ if known else 0.0, 2.0 if known else 0.0, passed_s)
+        self._step_ground(*ground)
         self._step_lateness(late_s, late_std_s, late_at_bound, passed_s)
 
     def began_elsewhere(self) -> None:
@@ -141,6 +148,12 @@ class Contradictions:
         """
         self._rotation, self._velocity = Mean(_ROTATION_FAILS), Mean(_VELOCITY_FAILS)
         self._late_before_s = None
+
+    def _step_ground(self, speed_m_s: float, std_m_s: float) -> None:
+        if speed_m_s - _MOVES_SIGMAS * std_m_s > _MOVES_M_S:
+            self._ground_moves = True
+        elif speed_m_s < _RESTS_M_S:
+            self._ground_moves = False
 
     def _step_lateness(self, late_s: float, std_s: float, at_bound: bool, passed_s: float) -> None:
         changed = False

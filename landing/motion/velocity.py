@@ -21,7 +21,7 @@ _PARTS = (1 / 3, 2 / 3, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
-class _Moved:
+class Moved:
     """Displacements over height ``t`` (g, 3) to the frames ``tau`` (g,) s before the newest.
 
     ``covariance`` (3, g, g) of their errors, for each axis.
@@ -66,7 +66,7 @@ def velocity(
     guided = _guided(views, normal, weight, noise, rotation_std, o)
     if guided is not None:
         return guided
-    moved = _moved(views, _gaps(views, o.motion_span_s), normal, weight, noise, rotation_std, o)
+    moved = displacements(views, _gaps(views, o.motion_span_s), normal, weight, noise, rotation_std, o)
     return None if moved is None else newest(moved.tau, moved.t, moved.accelerated(o.acceleration_std))
 
 
@@ -79,7 +79,7 @@ def _guided(
     change = views.detour(gaps, o.velocity_max_age_s, o.max_acceleration)
     if change is None:
         return None
-    moved = _moved(views, gaps, normal, weight, noise, rotation_std, o)
+    moved = displacements(views, gaps, normal, weight, noise, rotation_std, o)
     if moved is None:
         return None
     measured = VehicleVelocity(
@@ -101,7 +101,7 @@ def _gaps(views: Views, span_s: float) -> NDArray[np.intp]:
     return np.array(sorted({max(1, round(part * reach)) for part in _PARTS}))
 
 
-def _moved(
+def displacements(
     views: Views,
     gaps: NDArray[np.intp],
     normal: Array,
@@ -109,7 +109,7 @@ def _moved(
     noise: float,
     rotation_std: float,
     options: EstimatorOptions,
-) -> _Moved | None:
+) -> Moved | None:
     tracks, derotated = views.stack(gaps)
     # a rotation shows in the curvature of the flow alone, where errors that neighbouring tracks share count most
     noise *= options.shared_noise
@@ -125,7 +125,7 @@ def _moved(
     matches = (options.shared_error_px / views.camera.focal_px) ** 2
     covariance[:2] += (options.attitude_error_std_rad**2 + matches) * (alone + 1.0)
     covariance[2] += matches * (alone + 1.0)
-    return _Moved(tau, found[0][:, :3], covariance)
+    return Moved(tau, found[0][:, :3], covariance)
 
 
 def newest(tau: Array, t: Array, covariance: Array) -> tuple[Array, Array]:

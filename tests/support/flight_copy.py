@@ -13,6 +13,8 @@ from drivers.files.tlog import decode_record, records
 from drivers.files.video_file import VideoFile
 
 FLIGHTS = REPOSITORY / "sitl_logs"
+ASKS_FLYING_ON = "\n[decision]\ntouchdown_known = false\n"
+"""A cut of a flight ends before the vehicle slows down to land."""
 
 
 def short_flight(directory: Path, source: str = "stairs_a", seconds: float = 3.0) -> Path:
@@ -40,6 +42,8 @@ def short_flight(directory: Path, source: str = "stairs_a", seconds: float = 3.0
     )
     for name in ("camera.yaml", "landslope.toml"):
         shutil.copy(flight / name, directory / name)
+    with (directory / "landslope.toml").open("a") as settings:
+        settings.write(ASKS_FLYING_ON)
     return directory
 
 

@@ -210,6 +210,19 @@ def test_a_takeover_into_the_enabling_mode_is_followed_by_silence() -> None:
     assert free()
 
 
+def test_a_reboot_ends_the_permission_though_the_switch_stays_on() -> None:
+    def on(at_s: float, sample: Sample) -> Iterable[Sample]:
+        if isinstance(sample, RcChannels) and at_s > 2.0:
+            pulses = list(sample.pulse_us)
+            pulses[SWITCH.enable_rc_channel - 1] = 2000
+            sample = RcChannels(sample.arrival_us, tuple(pulses))
+        return (sample,)
+
+    story = replayed("ardupilot_reboot", edit=on)
+    assert [end < 18.0 for _, end in story.free] == [True]
+    assert len(story.named("landing_enabled")) == 1
+
+
 def test_a_reboot_ends_the_command_and_forgets_it() -> None:
     state = CommandState()
     state.request(0)

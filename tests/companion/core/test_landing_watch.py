@@ -47,8 +47,8 @@ class Map:
     below: Disc = GOOD
     touchdown: Disc = GOOD
 
-    def under_way(self) -> tuple[Disc, Disc, Disc]:
-        return self.below, self.touchdown, self.below
+    def under_way(self) -> tuple[Disc, Disc]:
+        return self.below, self.touchdown
 
 
 @dataclass

@@ -32,7 +32,7 @@ def check(bench: DaemonBench, problem: str, record: Callable[[str, object], None
     assert commands[0] >= FAULT.end_s
     record("recovery_s", round(commands[0] - FAULT.end_s, 2))
     assert any(p.startswith(problem) for p in bench.problems()), bench.problems()
-    assert bench.of("health")[-1]["state"] == "ok", bench.of("health")[-1]["problems"]
+    assert bench.wrong_now() == [], bench.of("health")[-1]["problems"]
 
 
 @pytest.mark.parametrize("fault", CAMERA)

@@ -1,4 +1,4 @@
-"""The daemon's own life: answers to its command, a hung pipeline, its end, a second one, a bus that comes and goes."""
+"""The daemon's life: a flight that arrives live, answers, a hung pipeline, its end, a second one, a bus that goes."""
 
 import socket
 import threading
@@ -14,6 +14,17 @@ from flight_edits import During
 from companion.live.inputs import Inputs
 from drivers.bus import Endpoints, Subscription, open_session
 from drivers.errors import DriverError
+
+
+def test_lands_once_on_fit_ground_and_follows_the_command(tmp_path) -> None:
+    with DaemonBench(tmp_path, (0.0, 5.5)) as bench:
+        bench.play_to_end()
+        assert len(bench.vehicle.land_commands()) == 1
+        events = [e["event"] for e in bench.of("event") if e["event"].startswith("landing_")]
+        assert events[:4] == ["landing_enabled", "landing_requested", "landing_accepted", "landing_started"]
+        health = bench.of("health")[-1]
+        assert bench.wrong_now() == [], health["problems"]
+        assert health["pipeline_ms"] > 0
 
 
 @pytest.mark.parametrize(

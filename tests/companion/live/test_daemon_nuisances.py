@@ -11,6 +11,8 @@ from flight_edits import During
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 from vehicle_support import TestVehicle
 
+CLOCK_SET = ("clock_jumped", "clock_jump_taken_back", "autopilot_rebooted", "frames_jumped")
+
 
 def test_every_frame_is_accounted_for(tmp_path) -> None:
     """One frame lost, a stamp twice, a stamp backward, a frame of another size."""
@@ -124,3 +126,21 @@ def test_ground_that_turns_out_unfit_is_reported_and_held_over_if_asked(tmp_path
         asked = [c for _, c in bench.vehicle.commands if c.command in (176, 192)]
         assert asked, "DO_SET_MODE or DO_REPOSITION"
         assert len(bench.events("hold_accepted")) == 1
+
+
+def test_a_link_that_stalls_moves_no_clock(tmp_path) -> None:
+    """0.5 s of messages are held, then two come for each that is sent, over a real socket."""
+    held = edits.HeldBack(2.5, 3.0, 2)
+    settings = ("mavlink.timesync_rate_hz=0.1",)
+    with DaemonBench(tmp_path, (0.0, 5.5), edit_telemetry=held, settings=settings) as bench:
+        bench.play()
+        assert bench.vehicle.played.wait(60)
+        count = len(bench.of("health"))
+        wait_for(lambda: len(bench.of("health")) > count + 1, "health after the flight")
+        # the smallest delay between the two readings comes closest
+        boots = ((bench.vehicle.boot_us(), bench.clock.seconds()) for _ in range(50))
+        vehicle_s = min(bench.clock.host_us(0) * 1e-6 - boot_us * 1e-6 + s for boot_us, s in boots)
+        offsets = [h["clock_offset_s"] for h in bench.of("health") if h["clock_offset_s"] is not None]
+        assert offsets, "the clocks were never related"
+        assert abs(offsets[-1] - vehicle_s) < 0.010
+        assert [e["event"] for e in bench.of("event") if e["event"] in CLOCK_SET] == []

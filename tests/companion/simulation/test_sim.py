@@ -54,8 +54,12 @@ kind = "strip"
 profile = [[-40, -18.65], [0, 0], [40, 0]]
 material = "gravel"
 [[leg]]
-seconds = 60
+seconds = 5
 forward_m_s = 0.8
+height_m = 2.0
+[[leg]]
+seconds = 60
+forward_m_s = 0.05
 height_m = 2.0
 [expect]
 landing = "requested"

@@ -13,11 +13,23 @@ POSTERIOR = np.diag((0.2e-6, 0.5e-6, 0.9e-6))
 NONE = (0.0, 0)
 
 
-def run(comparisons, seconds, rotation=NONE, velocity=math.nan, late_s=0.0, late_std_s=0.002, start_s=0.0):
+STILL = (math.nan, math.nan)
+
+
+def run(
+    comparisons,
+    seconds,
+    rotation=NONE,
+    velocity=math.nan,
+    late_s=0.0,
+    late_std_s=0.002,
+    start_s=0.0,
+    ground=STILL,
+):
     """Frames of 30 a second; a comparison may be a function without arguments."""
     for k in range(round(30 * seconds)):
         reported = [c() if callable(c) else c for c in (rotation, velocity)]
-        comparisons.step(start_s + k / 30, reported[0], reported[1], late_s, late_std_s)
+        comparisons.step(start_s + k / 30, reported[0], reported[1], ground, late_s, late_std_s)
     return comparisons.failing
 
 
@@ -74,10 +86,24 @@ def test_each_comparison_fails_alone_and_holds_again():
         assert run(comparisons, 6, (3.0, 3), 1.0, start_s=6) == ()
 
 
+def test_ground_that_moves_for_sure_contradicts_until_it_rests():
+    comparisons = Contradictions()
+    for ground, fails in (
+        ((0.5, 0.1), False),
+        ((0.7, 0.1), False),
+        ((0.9, 0.1), True),
+        ((0.5, 0.1), True),
+        (STILL, True),
+        ((0.3, 0.1), False),
+        ((2.0, 1.0), False),
+    ):
+        assert run(comparisons, 0.1, ground=ground) == ((Status.VELOCITY_CONTRADICTS,) if fails else ())
+
+
 def test_one_wild_frame_is_no_contradiction():
     comparisons = Contradictions()
     run(comparisons, 2, (3.0, 3), 1.0)
-    comparisons.step(2.0, (100.0, 3), 50.0, 0.0, 0.002)
+    comparisons.step(2.0, (100.0, 3), 50.0, STILL, 0.0, 0.002)
     assert comparisons.failing == ()
 
 
@@ -100,7 +126,7 @@ def test_a_lateness_that_changes_contradicts(late_s, fails):
 
 def test_a_lateness_at_the_bound_of_the_search_is_only_a_least():
     comparisons = Contradictions()
-    comparisons.step(0.0, NONE, math.nan, 0.0999, 0.01, late_at_bound=True)
+    comparisons.step(0.0, NONE, math.nan, STILL, 0.0999, 0.01, late_at_bound=True)
     assert comparisons.failing == (Status.LATENESS_CONTRADICTS,)
 
 

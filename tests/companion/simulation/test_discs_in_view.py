@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from landing.ground.in_view import discs_in_view
+from companion.simulation.ground import discs_in_view
 from landing.rotations import exp_so3
 from landing.vision.camera import CameraModel
 

@@ -1,0 +1,129 @@
+"""The ground's own velocity: told by a vehicle that changes its velocity, unknown to one that does not."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from landing.ground.ground_velocity import GroundVelocity, Passage
+
+FRAME_S, INTERVAL_S = 1 / 15, 0.5
+
+
+def fly(velocities, distance_m=3.0, ground=(0.0, 0.0), drift=(0.0, 0.0, 0.0), lag_s=0.0, seed=0, noise=0.01):
+    """Frames of a vehicle with ``velocities`` (n, 3) m/s over level ground that moves."""
+    random, filtered = np.random.default_rng(seed), GroundVelocity()
+    velocities = np.asarray(velocities, float)
+    change = np.gradient(velocities, FRAME_S, axis=0)
+    filtered.step(0.0, None)
+    for velocity, acceleration in zip(velocities, change, strict=True):
+        distance_m -= velocity[2] * FRAME_S
+        over = velocity - (*ground, 0.0)
+        flow = over / distance_m + random.normal(0, 0.003, 3)
+        told = velocity + drift + random.normal(0, noise, 3) - lag_s * acceleration
+        filtered.step(
+            FRAME_S,
+            Passage(INTERVAL_S, flow, np.full(3, 0.003), told, noise, acceleration, float(flow[2])),
+        )
+    return filtered, distance_m
+
+
+def started(speed=1.2, seconds=4.0, sink=0.0):
+    """From a hover to a speed northwards within half a second, and on."""
+    time_s = np.arange(round(seconds / FRAME_S)) * FRAME_S
+    north = speed * np.clip((time_s - 0.5) / 0.5, 0, 1)
+    return np.column_stack((north, np.zeros_like(north), np.full_like(north, sink)))
+
+
+@pytest.mark.parametrize("ground", [(0.0, 0.0), (0.4, 0.0), (-0.8, 0.0), (0.0, 1.2), (-0.3, -0.3)])
+@pytest.mark.parametrize("sink", [0.0, 0.3])
+def test_a_vehicle_that_starts_tells_distance_and_ground(ground, sink):
+    found, distance_m = fly(started(sink=sink), ground=ground)
+    assert found.distance_m == pytest.approx(distance_m, rel=0.1)
+    assert found.velocity == pytest.approx(ground, abs=0.1)
+    assert found.speed_m_s == pytest.approx(math.hypot(*ground), abs=0.1)
+    assert found.std_m_s < 0.2
+
+
+def test_a_slow_error_of_the_velocity_is_the_grounds():
+    found, _ = fly(started(), ground=(0.1, 0.0), drift=(0.2, -0.1, 0.1))
+    assert found.velocity == pytest.approx((0.3, -0.1), abs=0.1)
+
+
+def test_a_slow_filter_is_no_moving_ground():
+    found, _ = fly(started(), lag_s=0.3)
+    assert found.speed_m_s < 0.2
+    assert found.speed_m_s + found.std_m_s < 0.35
+
+
+def test_at_a_constant_velocity_nothing_is_known_of_the_ground_along_it():
+    constant = np.tile((1.2, 0.0, 0.0), (60, 1))
+    found, _ = fly(constant, ground=(0.6, 0.0))
+    assert math.isnan(found.speed_m_s) or found.speed_m_s + found.std_m_s > 0.5
+
+
+def test_over_ground_that_moves_a_hover_tells_nothing_small():
+    found, _ = fly(np.zeros((60, 3)), ground=(0.5, 0.2))
+    assert math.isnan(found.speed_m_s) or found.speed_m_s + found.std_m_s > 0.5
+
+
+def test_doubt_grows_while_nothing_is_seen():
+    found, _ = fly(started())
+    before = found.std_m_s
+    for _ in range(30):
+        found.step(FRAME_S, None, 0.2)
+    assert found.std_m_s > 2 * before
+    assert found.distance_m == pytest.approx(3.0 - 0.4, rel=0.1)
+    found.step(6.0, None)
+    assert math.isnan(found.speed_m_s)
+
+
+def test_the_height_is_kept_over_a_gap_and_tells_the_ground_after_it():
+    found, distance_m = fly(started())
+    found.step(1.5, None)
+    assert found.speed_m_s + found.std_m_s > 0.3
+    over = np.array((1.2 - 0.6, 0.0, 0.0)) / distance_m
+    for _ in range(10):
+        found.step(
+            FRAME_S,
+            Passage(INTERVAL_S, over, np.full(3, 0.003), np.array((1.2, 0, 0)), 0.01, np.zeros(3), 0.0),
+        )
+    assert found.velocity == pytest.approx((0.6, 0.0), abs=0.2)
+
+
+def test_another_ground_below_is_found_anew():
+    found, _ = fly(started())
+    velocities = np.tile((1.2, 0.0, 0.0), (60, 1)) + np.sin(np.arange(60) / 5)[:, None] * (0.5, 0.3, 0.0)
+    change = np.gradient(velocities, FRAME_S, axis=0)
+    for velocity, acceleration in zip(velocities, change, strict=True):
+        flow = (velocity - (0.7, 0.0, 0.0)) / 2.0
+        found.step(
+            FRAME_S,
+            Passage(INTERVAL_S, flow, np.full(3, 0.003), velocity, 0.01, acceleration, float(flow[2])),
+        )
+    assert found.velocity == pytest.approx((0.7, 0.0), abs=0.15)
+    assert found.distance_m == pytest.approx(2.0, rel=0.2)
+
+
+@settings(deadline=None, max_examples=25)
+@given(
+    st.floats(0, 1.5), st.floats(0, 2 * math.pi), st.floats(0.8, 15), st.floats(0.3, 3), st.integers(0, 1000)
+)
+def test_the_truth_lies_within_the_doubt(speed, bearing, distance_m, own, seed):
+    ground = speed * math.cos(bearing), speed * math.sin(bearing)
+    found, _ = fly(started(own), distance_m, ground, seed=seed)
+    if math.isfinite(found.speed_m_s):
+        assert np.linalg.norm(found.velocity - ground) < 3 * found.std_m_s + 0.05
+
+
+def test_a_passage_without_time_changes_nothing():
+    found = GroundVelocity()
+    found.step(0.0, None)
+    assert math.isnan(found.speed_m_s)
+    assert math.isnan(found.std_m_s)
+    still = Passage(INTERVAL_S, np.zeros(3), np.full(3, 0.01), np.zeros(3), 0.0, np.zeros(3), 0.0)
+    found.step(FRAME_S, replace(still, flow=np.full(3, 0.01)))
+    assert math.isnan(found.speed_m_s)
