@@ -177,8 +177,10 @@ def _mark_requests(axes: "list[Axes]", history: History) -> None:
             continue
         for axis in axes:
             axis.axvline(at, color="black", lw=1.6)
+        late = at > sum(axes[1].get_xlim()) / 2  # the words stand on the side where there is room
         axes[1].annotate(
-            f"landing requested, {at:.1f} s", (at, 0.97), xycoords=("data", "axes fraction"), xytext=(6, 0),
+            f"landing requested, {at:.1f} s", (at, 0.97), xycoords=("data", "axes fraction"),
+            xytext=(-6 if late else 6, 0), ha="right" if late else "left",
             textcoords="offset points", va="top", fontsize=10, fontweight="bold",
             bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.5},
         )  # fmt: skip
