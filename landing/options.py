@@ -301,6 +301,7 @@ class DecisionOptions:
     max_ground_speed_m_s: Annotated[
         float, Limits(0.05, 10, "m/s", "speed of the ground by itself, as far as it is known, landed on")
     ] = 0.3
+    at_rest_known: Annotated[bool, "require ground that is known to be at rest"] = True
     touchdown_known: Annotated[
         bool, "require measured ground all the way to the stopping point, not only straight below"
     ] = True

@@ -195,7 +195,7 @@ class Decider:
         widen = o.hysteresis if fit else 0.0
         reasons = against_landing(estimate, o, widen, self.area)
         if not reasons and self.ground is not None:
-            reasons = against_motion(estimate, o, widen) or against_touchdown(
+            reasons = (o.at_rest_known and against_motion(estimate, o, widen)) or against_touchdown(
                 *self.ground.under_way(), o.touchdown_known
             )
         # the surface below is flat all the same while the stopping point still lies ahead of what is known

@@ -161,6 +161,7 @@ class DaemonBench:
                 f"vehicle.name=test{zenoh_port}",
                 f"zenoh.listen=tcp/127.0.0.1:{zenoh_port}",
                 "landing.enabled=true",
+                "decision.at_rest_known=false",  # after a fault the cut goes on at a constant velocity
                 "decision.touchdown_known=false",  # the cut ends before the vehicle slows down
                 *settings,
             ),

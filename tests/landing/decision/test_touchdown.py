@@ -107,6 +107,9 @@ def test_a_flat_view_is_fit_only_where_the_map_agrees():
     assert Decider(DecisionOptions(dwell_s=0.0), None, Map()).step(FLAT).verdict == "fit"
     (reason,) = Decider(DecisionOptions(dwell_s=0.0), None, Map()).step(MOVES).reasons
     assert reason.code is Code.GROUND_MAY_MOVE
+    unasked = DecisionOptions(dwell_s=0.0, at_rest_known=False)
+    assert Decider(unasked, None, Map()).step(MOVES).verdict == "fit"
+    assert Decider(unasked, None, Map(below=UNSEEN)).step(MOVES).verdict == "unknown"
     # nobody asks a flat view without a map
     assert Decider(DecisionOptions(dwell_s=0.0)).step(MOVES).verdict == "fit"
     steep = replace(FLAT, inclination_deg=20.0)
