@@ -10,7 +10,8 @@ from pathlib import Path
 import msgspec
 import pytest
 import zenoh
-from bus_support import PATIENCE_S, Watcher, alive, free_endpoint, router
+from bus_support import PATIENCE_S, Watcher, alive, router
+from ports import free_endpoint
 
 from companion.messages.messages import Decision, Estimate, Event
 from drivers.bus import CONFIGURATION, DECISION, IMPORTANT_BATCHES, Bus, Endpoints, Subscription, open_session

@@ -8,13 +8,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from drivers.simulated.vehicle.autopilot import SimulatedAutopilot
 
 
-def free_udp_port() -> int:
-    """A port that nobody listens on."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 class Station:
     """Speaks with an autopilot whose time is driven by the test."""
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from ports import free_udp_port
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from drivers.events import DriverEvent
@@ -34,13 +35,6 @@ HEARTBEAT, ATTITUDE = b"\0\0\0", b"\x1e\0\0"
 """Message ids 0 and 30 in a MAVLink 2 header."""
 LONGEST_SILENCE_S = 1.2
 """Between heartbeats while the recording plays slowly: MAVSDK, which lives by the machine's clock, waits for 3 s."""
-
-
-def free_udp_port() -> int:
-    """A UDP port of the loopback device that was free a moment ago."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as s:
-        s.bind(("127.0.0.1", 0))
-        return s.getsockname()[1]
 
 
 def tlog_frames(path: Path) -> list[tuple[int, bytes]]:

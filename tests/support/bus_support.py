@@ -2,7 +2,6 @@
 
 import json
 import queue
-import socket
 import subprocess
 import sys
 import threading
@@ -20,13 +19,6 @@ with open_session(Endpoints(mode="router", listen=(sys.argv[1],))):
     print("ready", flush=True)
     sys.stdin.read()
 """
-
-
-def free_endpoint() -> str:
-    """A zenoh endpoint on a port of the loopback that nobody uses now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 @contextmanager

@@ -1,7 +1,6 @@
 """A daemon on the bench: a recorded flight as live camera and live autopilot, and everything it said."""
 
 import math
-import socket
 import threading
 import time
 from collections.abc import Callable
@@ -14,7 +13,8 @@ import msgspec
 import numpy as np
 from bench_clock import HELD_S, SPEED, BenchClock
 from places import REPOSITORY
-from vehicle_support import ACCEPTED, TestVehicle, free_udp_port, tlog_frames
+from ports import free_tcp_port, free_udp_port
+from vehicle_support import ACCEPTED, TestVehicle, tlog_frames
 
 from companion.live.daemon import Daemon
 from companion.live.inputs import Inputs
@@ -44,13 +44,6 @@ def wait_for(condition: Callable[[], object], what: str, timeout_s: float = PATI
     while not condition():
         assert time.monotonic() < deadline, f"no {what} within {timeout_s} s"
         time.sleep(0.02)
-
-
-def free_tcp_port() -> int:
-    """A TCP port that was free a moment ago."""
-    with socket.socket() as s:
-        s.bind(("127.0.0.1", 0))
-        return int(s.getsockname()[1])
 
 
 @lru_cache(maxsize=4)

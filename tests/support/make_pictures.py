@@ -17,8 +17,8 @@ import msgspec
 import numpy as np
 from monitor_support import Browser, Monitor, Vehicle, decision, health
 from places import DOCS, SITL_LOGS
+from ports import free_endpoint
 
-from companion.fleet.fleet import free_endpoint
 from companion.messages.messages import Decision
 from drivers.bus import Endpoints, open_session
 

@@ -11,9 +11,10 @@ import sys
 import time
 
 import pytest
-from bus_support import PATIENCE_S, Watcher, alive, free_endpoint
+from bus_support import PATIENCE_S, Watcher, alive
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from ports import free_endpoint
 from rich.console import Console
 
 from companion.commands.watch import SILENT_AFTER_S, View, line_of

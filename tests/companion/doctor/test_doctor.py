@@ -9,9 +9,9 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 import pytest
-from bus_support import free_endpoint, router
+from bus_support import router
 from camera_support import SITL_LOGS, MjpegServer, moving
-from simulated_autopilot_support import free_udp_port
+from ports import free_endpoint, free_udp_port
 
 from companion.cli import main
 from companion.doctor.camera import CameraExamination, blur_of

@@ -13,6 +13,7 @@ import pytest
 import replay_support
 from export_support import OURS, Recording, check_against_replay
 from monitor_support import Vehicle, decision, estimate, event, eventually, health, surface
+from ports import free_endpoint, free_tcp_port
 from websockets.sync.client import ClientConnection, connect
 
 from companion.cli import main
@@ -20,7 +21,7 @@ from companion.core.core import Processed
 from companion.errors import LandslopeError
 from companion.export import shapes
 from companion.export.mcap_sink import McapSink
-from companion.fleet.fleet import embedded_router, free_endpoint
+from companion.fleet.fleet import embedded_router
 from companion.live.recording import FlightRecording
 from companion.messages.preview import Preview, jpeg
 from companion.monitor import foxglove as live
@@ -270,12 +271,6 @@ def test_a_scaled_picture_gets_a_scaled_overlay() -> None:
     assert live.scaled(preview, b"") is None
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 def advertised(app: ClientConnection, wanted: str) -> dict[str, dict[str, Any]]:
     """Channels by topic, once the wanted one is there."""
     channels: dict[str, dict[str, Any]] = {}
@@ -291,7 +286,7 @@ def test_the_foxglove_app_is_served_live() -> None:
     with embedded_router(endpoint):
         vehicle = Vehicle("vehicle1", endpoint)
         server, end = live.start(
-            MonitorOptions(), Endpoints(connect=(endpoint,)), "*", "127.0.0.1", free_port()
+            MonitorOptions(), Endpoints(connect=(endpoint,)), "*", "127.0.0.1", free_tcp_port()
         )
         try:
             assert not vehicle.preview.watched  # nobody has opened a camera yet

@@ -9,8 +9,8 @@ import time
 from pathlib import Path
 
 import pytest
-from daemon_support import PATIENCE_S, free_tcp_port, wait_for
-from vehicle_support import free_udp_port
+from daemon_support import PATIENCE_S, wait_for
+from ports import free_tcp_port, free_udp_port
 
 
 @pytest.mark.parametrize("mode", ["peer", "client"])

@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 from bench_clock import BenchClock
 from camera_support import MjpegServer
-from daemon_support import PATIENCE_S, STAIRS, free_tcp_port, recorded_frames, recorded_telemetry, wait_for
+from daemon_support import PATIENCE_S, STAIRS, recorded_frames, recorded_telemetry, wait_for
 from flight_edits import rc_channels
+from ports import free_tcp_port, free_udp_port
 from replay_support import replayed
-from vehicle_support import TestVehicle, free_udp_port
+from vehicle_support import TestVehicle
 
 from drivers.bus import Endpoints, Subscription
 

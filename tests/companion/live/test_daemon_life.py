@@ -8,8 +8,9 @@ from dataclasses import replace
 import flight_edits as edits
 import pytest
 import vehicle_support as vs
-from daemon_support import PATIENCE_S, DaemonBench, free_tcp_port, wait_for
+from daemon_support import PATIENCE_S, DaemonBench, wait_for
 from flight_edits import During
+from ports import free_tcp_port
 
 from companion.live.inputs import Inputs
 from drivers.bus import Endpoints, Subscription, open_session

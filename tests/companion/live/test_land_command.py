@@ -5,7 +5,8 @@ from collections.abc import Callable, Iterator
 
 import pytest
 import vehicle_support as vs
-from vehicle_support import TestVehicle, free_udp_port
+from ports import free_udp_port
+from vehicle_support import TestVehicle
 
 from drivers.autopilot.autopilot import Autopilot
 from drivers.mavlink.framing import FrameSplitter, WireFrame

@@ -5,12 +5,11 @@ import subprocess
 import sys
 import threading
 
-from bus_support import free_endpoint
 from daemon_support import DaemonBench, wait_for
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
-from vehicle_support import free_udp_port
+from ports import free_endpoint, free_udp_port
 
 from companion.errors import SettingsError
 from companion.live.reload import RELOADABLE, reloaded

@@ -7,11 +7,10 @@ import sys
 import time
 
 import pytest
-from bus_support import free_endpoint
 from daemon_support import wait_for
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from vehicle_support import free_udp_port
+from ports import free_endpoint, free_udp_port
 
 from companion.cli import main
 from companion.doctor.findings import Finding

@@ -1,21 +1,15 @@
 """The zenoh settings that an installation lays down: others can listen to the vehicle and write nothing."""
 
-import socket
 import time
 
 import zenoh
 from places import REPOSITORY
+from ports import free_tcp_port
 
 from drivers.bus import Bus, Endpoints
 
 TEMPLATE = REPOSITORY / "systemd" / "zenoh.json5"
 PATIENCE_S = 60.0
-
-
-def free_tcp_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def stranger(endpoint: str) -> zenoh.Session:

@@ -8,9 +8,9 @@ import msgspec
 import numpy as np
 import pytest
 from monitor_support import eventually, surface
+from ports import free_endpoint
 
 from companion.benchmark.preview_cost import lines, measure
-from companion.fleet.fleet import free_endpoint
 from companion.messages.preview import Preview, PreviewPublisher, jpeg, overlay
 from companion.settings.settings import PreviewSettings
 from drivers.bus import Bus, Delivery, Endpoints, Subscription

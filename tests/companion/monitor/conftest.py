@@ -1,13 +1,12 @@
 """One router, one monitor and one browser for the tests of a module."""
 
-import socket
 from collections.abc import Iterator
 
 import pytest
 import zenoh
 from monitor_support import Browser, Monitor, Vehicle
+from ports import free_endpoint, free_tcp_port
 
-from companion.fleet.fleet import free_endpoint
 from drivers.bus import Endpoints, open_session
 
 
@@ -28,12 +27,6 @@ class Net:
         self.router = self._open()
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 @pytest.fixture(scope="module")
 def net() -> Iterator[Net]:
     found = Net()
@@ -43,7 +36,7 @@ def net() -> Iterator[Net]:
 
 @pytest.fixture(scope="module")
 def monitor(net: Net) -> Iterator[Monitor]:
-    found = Monitor(free_port(), "--connect", net.endpoint, "--silent-after", "2")
+    found = Monitor(free_tcp_port(), "--connect", net.endpoint, "--silent-after", "2")
     yield found
     found.close()
 

@@ -2,36 +2,29 @@
 
 import asyncio
 import http.client
-import socket
 import urllib.parse
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from monitor_support import Monitor
+from ports import free_endpoint, free_tcp_port
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
 from companion.cli import main
 from companion.commands.monitor import token_for
-from companion.fleet.fleet import free_endpoint
 from companion.monitor.access import Gate
 
 TOKEN = "correct horse battery"
 SOCKET_PATH = "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 @pytest.fixture(scope="module")
 def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     file = tmp_path_factory.mktemp("token") / "token"
     file.write_text(f"{TOKEN}\n")
-    port = free_port()
+    port = free_tcp_port()
     # A peer without anybody to talk to serves all the same.
     monitor = Monitor(port, "--connect", free_endpoint(), "--token-file", str(file))
     yield port
@@ -40,7 +33,7 @@ def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
 
 @pytest.fixture(scope="module")
 def open_one() -> Iterator[int]:
-    port = free_port()
+    port = free_tcp_port()
     monitor = Monitor(port, "--connect", free_endpoint())
     yield port
     monitor.close()

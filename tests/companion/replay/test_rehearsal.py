@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 import vehicle_support as vs
 from folder_edits import short_flight
+from ports import free_udp_port
 from replay_support import landslope
-from vehicle_support import TestVehicle, free_udp_port
+from vehicle_support import TestVehicle
 
 
 @pytest.fixture(scope="module")

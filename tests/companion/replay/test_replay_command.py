@@ -12,8 +12,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from bus_support import Watcher, free_endpoint, router
+from bus_support import Watcher, router
 from folder_edits import EDITS, short_flight
+from ports import free_endpoint
 from replay_support import landslope
 
 from companion import cli

@@ -5,8 +5,9 @@ import threading
 import time
 
 import pytest
+from ports import free_udp_port
 from pymavlink.dialects.v20 import ardupilotmega as dialect
-from vehicle_support import PATIENCE_S, TestVehicle, attitude, free_udp_port, link_bench, wait_for
+from vehicle_support import PATIENCE_S, TestVehicle, attitude, link_bench, wait_for
 
 from drivers.errors import DriverError
 from drivers.events import DriverEvent

@@ -5,8 +5,9 @@ import socket
 import time
 
 import pytest
+from ports import free_udp_port
 from pymavlink.dialects.v20 import ardupilotmega as dialect
-from vehicle_support import PATIENCE_S, LinkBench, TestVehicle, attitude, free_udp_port, link_bench, wait_for
+from vehicle_support import PATIENCE_S, LinkBench, TestVehicle, attitude, link_bench, wait_for
 
 from companion.errors import LandslopeError
 from companion.settings.link_options import link_options

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from simulated_autopilot_support import free_udp_port
+from ports import free_udp_port
 from sitl_support import FakeSitl, servo_packet
 
 from companion.simulation.flight_result import in_words
@@ -143,8 +143,11 @@ take_off_m = 2.0
 kind = "level"
 material = "gravel"
 [[leg]]
-seconds = 60
+seconds = 10
 forward_m_s = 0.8
+[[leg]]
+seconds = 60
+forward_m_s = 0.15
 [expect]
 landing = "requested"
 """

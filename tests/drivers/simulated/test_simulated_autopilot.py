@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 from places import TOOLS
+from ports import free_udp_port
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
-from simulated_autopilot_support import Station, free_udp_port
+from simulated_autopilot_support import Station
 
 from drivers.errors import DriverError
 from drivers.simulated.vehicle.autopilot import LinkFaults, SimulatedAutopilot
