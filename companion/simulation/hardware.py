@@ -171,7 +171,24 @@ def _refuse_faults(scenario: Scenario, whose: str) -> None:
         raise LandslopeError(f"{what} is a fault of the built-in autopilot; it cannot be had with {whose}")
 
 
-class Sitl:
+class _Piloted:
+    """What the pilot's link says of an autopilot that runs by itself; nothing before there is one."""
+
+    _pilot: MavlinkPilot | None = None
+
+    @property
+    def armed(self) -> bool:
+        return self._pilot is not None and self._pilot.armed
+
+    @property
+    def mode(self) -> str:
+        return self._pilot.mode_name if self._pilot is not None else ""
+
+    def apply_faults(self, scene: Scene, flown_s: float) -> None:
+        """Camera faults are the scene's own; others were refused."""
+
+
+class Sitl(_Piloted):
     """An ArduCopter SITL that takes its physics from here; ``pilot`` is a second MAVLink port of it."""
 
     def __init__(
@@ -209,19 +226,8 @@ class Sitl:
     def now_s(self) -> float:
         return self.backend.now_s
 
-    @property
-    def armed(self) -> bool:
-        return self._pilot is not None and self._pilot.armed
 
-    @property
-    def mode(self) -> str:
-        return self._pilot.mode_name if self._pilot is not None else ""
-
-    def apply_faults(self, scene: Scene, flown_s: float) -> None:
-        """Camera faults are the scene's own; others were refused."""
-
-
-class Sih:
+class Sih(_Piloted):
     """A PX4 whose own simulation flies (SIH); the scene's vehicle follows its poses, reported over the pilot's link."""
 
     def __init__(self, scenario: Scenario, scene: Scene, connection: str, pilot: str) -> None:
@@ -256,17 +262,6 @@ class Sih:
     def now_s(self) -> float:
         at, time_s = self._last
         return time_s + min(time.monotonic() - at, LONGEST_PAUSE_S) if at else self._vehicle.time_s
-
-    @property
-    def armed(self) -> bool:
-        return self._pilot is not None and self._pilot.armed
-
-    @property
-    def mode(self) -> str:
-        return self._pilot.mode_name if self._pilot is not None else ""
-
-    def apply_faults(self, scene: Scene, flown_s: float) -> None:
-        """Camera faults are the scene's own; others were refused."""
 
     def _run(self) -> None:
         """One pose after the other; each is a step of the physics for those who look on."""
