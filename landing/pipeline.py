@@ -122,7 +122,7 @@ class SurfacePipeline:
         self._apply_readout()
         self._motion = None
         if plane.status == "ok" and math.isfinite(plane.divergence):
-            self._motion = Motion(plane.omega, plane.normal)
+            self._motion = Motion(plane.omega, plane.normal, plane.omega_std)
             self.views.rows.saw(self._motion)
         estimate = self._estimate(observation, plane)
         self.ground.step(self.views, plane, observation, estimate)
@@ -202,7 +202,7 @@ class SurfacePipeline:
             square = float(before @ before)
             per_metre = float(omega @ before) / square if square > _SLOW**2 else 0.0
             omega = omega + max(per_metre, 0.0) * (now - before)
-        return Motion(omega, normal)
+        return Motion(omega, normal, last.std)
 
     def _estimate(self, observation: Observation, plane: Plane) -> SurfaceEstimate:
         o = self.options.estimator

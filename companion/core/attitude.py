@@ -8,12 +8,16 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.core.rate_delay import RateDelay
 from companion.settings.settings import SyncSettings
 from drivers.samples import Attitude, Vector3
 from landing.rotations import exp_so3, log_so3, matrix_from_euler
 
 KEEP_US = 4_000_000
 """How much of the past is kept; frames wait far shorter than this."""
+
+RATE_SPAN_US = 40_000
+"""Span of the attitudes around a moment that its rate of turn is taken from."""
 
 SWING_S = 0.5
 """Time constant of the turn rate's mean and variance."""
@@ -54,6 +58,7 @@ class AttitudeBuffer:
         self._mean_rate = [0.0, 0.0, 0.0]
         self._rate_variance = 0.0
         self._tilt_rate2 = 0.0
+        self._delay = RateDelay(self._s.attitude_noise_rad)
 
     @property
     def newest_us(self) -> int | None:
@@ -113,14 +118,16 @@ class AttitudeBuffer:
         start = matrix_from_euler(before.roll, before.pitch, before.yaw)
         if times[k - 1] == boot_us:
             std = self._std(before, before, 0.0, moment_std_s)
-            return BodyAttitude(start, std, self._tilt_std(moment_std_s), _turn_rate(before))
+            return BodyAttitude(
+                start, std, self._tilt_std(moment_std_s), self._turn_rate(k - 1, k - 1, boot_us)
+            )
         after = self._attitudes[k]
         gap_us = times[k] - times[k - 1]
         if gap_us > self._max_gap_us:
             return "attitude_gap"
         end = matrix_from_euler(after.roll, after.pitch, after.yaw)
         share = (boot_us - times[k - 1]) / gap_us
-        turned, blind_us = np.eye(3), gap_us
+        turned, blind_us, rate = np.eye(3), gap_us, None
         closing = start.T @ end
         if gap_us > self._slerp_gap_us:
             rates = self._rates(times[k - 1], times[k])
@@ -128,10 +135,30 @@ class AttitudeBuffer:
                 blind_us = max(b - a for (a, _), (b, _) in pairwise(rates))
                 turned, whole = _integrate(rates, boot_us)
                 closing = whole.T @ closing
+                rate = _interpolated(rates, boot_us) + log_so3(closing) / (gap_us * 1e-6)
         attitude = start @ turned @ exp_so3(share * log_so3(closing))
         std = self._std(before, after, blind_us * 1e-6, moment_std_s)
-        rate = (1 - share) * _turn_rate(before) + share * _turn_rate(after)
+        if rate is None:
+            rate = self._turn_rate(k - 1, k, boot_us)
         return BodyAttitude(attitude, std, self._tilt_std(moment_std_s), rate)
+
+    def _turn_rate(self, first: int, last: int, boot_us: int) -> Vector:
+        """The rate of turn (3,) rad/s between attitudes ``first`` and ``last``, without the filter's delay."""
+        times = self._times
+        while first > 0 and boot_us - times[first] < RATE_SPAN_US / 2:
+            first -= 1
+        while last < len(times) - 1 and times[last] - boot_us < RATE_SPAN_US / 2:
+            last += 1
+        around = self._attitudes[first : last + 1]
+        rates = [(time_us, _rates_of(a)) for time_us, a in zip(times[first : last + 1], around, strict=True)]
+        filtered, change = _interpolated(rates, boot_us), rates[-1][1] - rates[0][1]
+        span_us = times[last] - times[first]
+        if not 0 < span_us <= 2 * RATE_SPAN_US:
+            return filtered
+        start, end = (matrix_from_euler(a.roll, a.pitch, a.yaw) for a in (around[0], around[-1]))
+        integral = sum((a + b) * ((u - t) * 0.5e-6) for (t, a), (u, b) in pairwise(rates))
+        self._delay.saw(boot_us, log_so3(start.T @ end) - integral, change)
+        return filtered + change * (self._delay.s / (span_us * 1e-6))
 
     def to_ned(self, boot_us: int, vector: Vector3) -> Vector3 | None:
         """A vector of the body's axes in the world's, by the attitude then, or the newest one; None before the first.
@@ -204,8 +231,17 @@ class AttitudeBuffer:
         return math.sqrt(self._tilt_rate2) * math.hypot(moment_std_s, self._s.attitude_delay_std_s)
 
 
-def _turn_rate(attitude: Attitude) -> Vector:
+def _rates_of(attitude: Attitude) -> Vector:
     return np.array((attitude.rollspeed, attitude.pitchspeed, attitude.yawspeed))
+
+
+def _interpolated(rates: list[tuple[int, Vector]], boot_us: int) -> Vector:
+    """The rate (3,) between the two samples around a moment, or the nearest one's."""
+    for (a, rate_a), (b, rate_b) in pairwise(rates):
+        if boot_us <= b:
+            share = (boot_us - a) / (b - a)
+            return (1 - share) * rate_a + share * rate_b
+    return rates[-1][1]
 
 
 def _integrate(rates: list[tuple[int, Vector]], boot_us: int) -> tuple[Vector, Vector]:

@@ -309,6 +309,14 @@ class Views:
         new, old = (tracker.pixel_history[(tracker.frame - k) % tracker.HISTORY] for k in (0, gap))
         return self._lens.moves(new.take(slots, 0)), self._lens.moves(old.take(slots, 0))
 
+    def row_moves(self, gap: int, slots: NDArray[np.intp]) -> tuple[Array, Array] | None:
+        """The same of the errors of the motion within the two frames, which are each frame's own; None: no rows."""
+        new, old = self.rows.errors(0, slots), self.rows.errors(gap, slots)
+        if new is None or old is None:
+            return None
+        none = np.zeros_like(new)
+        return np.concatenate((new, none)), np.concatenate((none, old))
+
 
 def derotate(old: Array, old_from_new: Array) -> Array:
     """Old points (n, 2) as a camera in the newest attitude would see them (removes the paper's rotation terms)."""

@@ -72,7 +72,7 @@ class MapEstimator:
                 newest.ned_from_camera,
                 fit.a,
                 fit.b,
-                fit.covariance[3:5, 3:5],
+                fit.slope_covariance,
                 gap,
                 None if fit.sensitivity is None else (fit.covariance @ fit.sensitivity.gradient)[3:5],
                 fit.lens[3:5],
@@ -102,7 +102,7 @@ class MapEstimator:
         if fit is None:
             return Plane("motion_too_small", gap=baseline.gap)
         lens = fit.lens[3:5]
-        covariance = fit.covariance[3:5, 3:5] + lens @ lens.T
+        covariance = fit.slope_covariance + lens @ lens.T
         second = second_plane(fit, baseline.old_from_new, baseline.tracks.new)
         if second is not None:
             slopes, share = second
@@ -115,7 +115,7 @@ class MapEstimator:
         attitude = views.newest.ned_from_camera
         if fit is None or fit.sensitivity is None or attitude is None:
             return None
-        effect, covariance = fit.sensitivity, fit.covariance[3:5, 3:5]
+        effect, covariance = fit.sensitivity, fit.slope_covariance
         difference, before_gradient = np.zeros((2, 2))
         before: Array = np.zeros((2, 2))
         known = self.evidence.expected(views.newest.time_s, attitude)
@@ -217,6 +217,7 @@ class MapEstimator:
             self.options.map_cut,
             moves=baseline.moves,
             lens_moves=views.lens_moves(baseline.gap, t.slots),
+            own_moves=views.row_moves(baseline.gap, t.slots),
         )
 
     def _plane(

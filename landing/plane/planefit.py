@@ -89,11 +89,19 @@ class PlaneFit:
     sensitivity: Sensitivity | None = None
     lens: Array = field(default_factory=lambda: _NO_LENS)
     """How the parameters change (8, k) with each of k errors of the lens."""
+    own: Array = field(default_factory=lambda: _NO_LENS)
+    """The same of errors that are this pair's alone."""
 
     @property
     def normal(self) -> Array:
         """n = (-a, -b, 1) (3,), not of unit length."""
         return np.array((-self.a, -self.b, 1.0))
+
+    @property
+    def slope_covariance(self) -> Array:
+        """Of (a, b) (2, 2), with the pair's own errors and without those of the lens."""
+        own = self.own[3:5]
+        return self.covariance[3:5, 3:5] + own @ own.T
 
 
 def fit_plane(
@@ -109,6 +117,7 @@ def fit_plane(
     tolerance: float = 0.45,
     moves: tuple[Points, Points] | None = None,
     lens_moves: tuple[Array, Array] | None = None,
+    own_moves: tuple[Array, Array] | None = None,
 ) -> PlaneFit | None:
     """Fit the plane to tracks ``new`` and ``old`` (n, 2), normalised coordinates of two frames.
 
@@ -118,7 +127,8 @@ def fit_plane(
     each residual, cut at ``cut`` times the noise, which is estimated along the way (median, then the inliers'); done
     when Newton's decrement is below ``tolerance``: the step was then a quarter of a sigma in each parameter, and what
     is left of it is far less. ``moves`` (n, 2) each: how new and old points move with an unknown of which the
-    ``sensitivity`` is wanted; ``lens_moves`` (k, n, 2) each: the same of k errors of the lens, for ``lens``.
+    ``sensitivity`` is wanted; ``lens_moves`` (k, n, 2) each: the same of k errors of the lens, for ``lens``;
+    ``own_moves`` those of errors of this pair alone, for ``own``.
     """
     if len(new) < PARAMETERS:
         return None
@@ -183,7 +193,8 @@ def fit_plane(
         converged,
         prior,
         None if moves is None else problem.sensitivity(x, weight, noise, *moves),
-        _NO_LENS if lens_moves is None else covariance @ problem.lens_gradient(x, weight, noise, *lens_moves),
+        _NO_LENS if lens_moves is None else covariance @ problem.gradients(x, weight, noise, *lens_moves),
+        _NO_LENS if own_moves is None else covariance @ problem.gradients(x, weight, noise, *own_moves),
     )
 
 
@@ -270,9 +281,7 @@ class _Problem:
         gradient = self._derivatives(x) @ (self._elements() @ weighted.ravel())
         return Sensitivity(gradient, float((weighted * changed).sum()), -float((weighted * left).sum()))
 
-    def lens_gradient(
-        self, x: Array, weight: Array, noise: float, new_moves: Array, old_moves: Array
-    ) -> Array:
+    def gradients(self, x: Array, weight: Array, noise: float, new_moves: Array, old_moves: Array) -> Array:
         """J^T W r_k (8, k) of moving the new and the old points by these (k, n, 2), at the solution x."""
         self.residual(x)
         matrix = np.dot(self.rotation, self.to_seen)

@@ -9,7 +9,7 @@ made homogeneous again, with w the camera's rate of turn, omega = V / h its velo
 normal, all in the camera's axes: first order in dt.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,13 +24,23 @@ Array = NDArray[np.float64]
 UNKNOWN_STD_S = 0.016
 """Doubt about a readout that is not set, about 0, one sigma: common sensors have 0 to 33 ms."""
 
+_TURN_STD = 0.01
+"""Error of the rate of turn in a frame, one sigma of an axis, rad/s: vibration, noise, the rest of a filter's delay."""
+
+_TURNS = np.stack([skew(axis) for axis in np.eye(3)])
+"""Cross products with the axes (3, 3, 3)."""
+
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """The camera's motion over the plane: omega = V / h (3,) 1/s and the normal n = (-a, -b, 1) (3,)."""
+    """The camera's motion over the plane: omega = V / h (3,) 1/s and the normal n = (-a, -b, 1) (3,).
+
+    ``std`` (3,) 1/s is the standard deviation of omega.
+    """
 
     omega: Array
     normal: Array
+    std: Array = field(default_factory=lambda: np.zeros(3))
 
 
 class Rows:
@@ -50,6 +60,7 @@ class Rows:
         """Normalised places (HISTORY, slots, 2) at the frames' times."""
         self._velocity = np.zeros((tracker.HISTORY, 3, 3))
         """What moves homogeneous points back to the middle row's time, per second, in every frame."""
+        self._motions: list[Motion | None] = [None] * tracker.HISTORY
         self._turn = np.zeros((3, 3))
         self._unseen = 0
         """How many of the newest frames have no motion over the plane yet."""
@@ -70,6 +81,7 @@ class Rows:
         self._turn = np.zeros((3, 3)) if turn_rate is None else skew(turn_rate)
         place = self._tracker.frame % self._tracker.HISTORY
         self._velocity[place] = self._turn
+        self._motions[place] = motion
         if motion is None:
             self._unseen = min(self._unseen + 1, self._tracker.HISTORY)
         else:
@@ -87,6 +99,7 @@ class Rows:
         for k in range(max(1, min(self._unseen, frame + 1))):
             place = (frame - k) % size
             self._velocity[place] += over_plane
+            self._motions[place] = motion
             self._move(place)
         self._unseen = 0
 
@@ -101,6 +114,27 @@ class Rows:
         place = (self._tracker.frame - gap) % self._tracker.HISTORY
         p, moved = self._velocity_of(place)
         return np.asarray((moved[:, :2] - p * moved[:, 2:]).take(slots, 0))
+
+    def errors(self, gap: int, slots: NDArray[np.intp]) -> Array | None:
+        """How the places of ``slots``, ``gap`` frames before the newest, move (k, n, 2) with each error of the motion.
+
+        The errors are those of the frame's rate of turn and of its motion over the plane, each of unit variance.
+        None: no rows, or no motion.
+        """
+        place = (self._tracker.frame - gap) % self._tracker.HISTORY
+        motion = self._motions[place]
+        if not self._active or self.readout_s == 0 or motion is None:
+            return None
+        p = self._tracker.history[place].take(slots, 0)
+        row_s = (self._tracker.pixel_history[place, :, 1].take(slots) / self._last_row - 0.5) * self.readout_s
+        homogeneous = np.column_stack((p, np.ones(len(p))))
+        depth = homogeneous @ motion.normal
+        turned = np.matmul(homogeneous, (_TURNS * _TURN_STD).transpose(0, 2, 1))
+        over_plane = np.zeros_like(turned)
+        for axis, std in enumerate(motion.std.tolist()):
+            over_plane[axis, :, axis] = std * depth
+        moved = np.concatenate((turned, over_plane)) * row_s[:, None]
+        return np.asarray(moved[..., :2] - p * moved[..., 2:])
 
     def moves_of(self, gap: int) -> RowMoves | None:
         """For warps: the moves (3, 3) over the readout in the newest frame and ``gap`` before it; None: no rows."""

@@ -233,3 +233,36 @@ def test_a_force_turns_through_north_the_short_way_and_has_no_attitude_before_th
     assert buffer.to_ned(5_000, (1.0, 0.0, 0.0)) == pytest.approx((-1.0, 0.0, 0.0))
     # behind the newest it is the newest's
     assert buffer.to_ned(90_000, (1.0, 0.0, 0.0)) == pytest.approx((-math.cos(0.1), -math.sin(0.1), 0.0))
+
+
+def filtered(delay_s, seconds=6.0, hz=100):
+    """Attitudes whose angles are in time and whose rates are late, as behind an autopilot's low-pass filter."""
+    buffer = AttitudeBuffer(NO_DELAY)
+    for k in range(round(seconds * hz) + 1):
+        us = round(k / hz * 1e6)
+        buffer.add_attitude(us, Attitude(us, us, *swinging(k / hz), *body_rate(k / hz - delay_s)))
+    return buffer
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.006, 0.011, 0.02])
+def test_the_delay_of_the_rates_is_measured_and_taken_out(delay_s):
+    buffer, off, left = filtered(delay_s), [], []
+    for k in range(150):
+        t = 0.2 + k / 30
+        estimate = buffer.at(round(t * 1e6))
+        assert isinstance(estimate, BodyAttitude)
+        off.append(np.linalg.norm(body_rate(t - delay_s) - body_rate(t)))
+        left.append(np.linalg.norm(estimate.turn_rate - body_rate(t)))
+    assert buffer._delay.s == pytest.approx(delay_s, abs=0.001)
+    assert np.median(left[30:]) < 0.02 + 0.1 * np.median(off)
+
+
+def test_the_rate_between_attitudes_far_apart_is_the_gyros_without_its_bias():
+    buffer = filled(NO_DELAY, 10, 200, bias=(0.05, -0.04, 0.03))
+    left = []
+    for k in range(60):
+        t = 0.3 + k / 45
+        estimate = buffer.at(round(t * 1e6))
+        assert isinstance(estimate, BodyAttitude)
+        left.append(np.linalg.norm(estimate.turn_rate - body_rate(t)))
+    assert max(left) < 0.03

@@ -8,7 +8,7 @@ from landing.options import TrackingOptions
 from landing.rotations import exp_so3
 from landing.vision.camera import CameraModel
 from landing.vision.homography import Warp, apply, towards
-from landing.vision.rolling_shutter import Motion, Rows
+from landing.vision.rolling_shutter import _TURN_STD, Motion, Rows
 from landing.vision.tracking import FeatureTracker
 
 FOCAL_PX = 256.0
@@ -61,6 +61,44 @@ def test_without_a_motion_the_rotation_alone_is_taken_out_and_the_measured_motio
     assert np.abs(rows.places(0) - points).max() * FOCAL_PX > 0.5
     rows.saw(MOTION)
     assert np.abs(rows.places(0) - points).max() * FOCAL_PX < 0.02
+
+
+def test_each_error_of_the_motion_moves_the_places_as_another_motion_does():
+    camera = CameraModel.from_focal(320, 240, FOCAL_PX, readout_s=0.018)
+    points = np.random.default_rng(5).uniform((-0.5, -0.4), (0.5, 0.4), (40, 2))
+    std = np.array((0.02, 0.03, 0.01))
+    doubted = Motion(MOTION.omega, MOTION.normal, std)
+    rows = rows_of(camera, points)
+    rows.step(TURN, doubted)
+    errors = rows.errors(0, np.arange(len(points)))
+    assert errors is not None
+    assert errors.shape == (6, len(points), 2)
+    before = rows.places(0).copy()
+    for axis in range(3):
+        more = np.eye(3)[axis]
+        for error, turn, omega, sigma in (
+            (errors[axis], TURN + more * 1e-3, MOTION.omega, 1e-3),
+            (errors[3 + axis], TURN, MOTION.omega + more * 1e-3, 1e-3),
+        ):
+            rows.step(turn, Motion(omega, MOTION.normal, std))
+            unit = (rows.places(0) - before) / sigma
+            # first order in the readout: the places themselves are moved by it once more
+            per_sigma = error / (std[axis] if turn is TURN else _TURN_STD)
+            assert np.abs(unit - per_sigma).max() < 0.03 * np.abs(per_sigma).max() + 1e-5
+
+
+def test_without_rows_or_motion_there_is_no_error_of_them():
+    points = np.random.default_rng(6).uniform(-0.4, 0.4, (20, 2))
+    for camera in (
+        CameraModel.from_focal(320, 240, FOCAL_PX, readout_s=0.0),
+        CameraModel.from_focal(320, 240, FOCAL_PX),
+    ):
+        rows = rows_of(camera, points)
+        rows.step(TURN, MOTION)
+        assert rows.errors(0, np.arange(20)) is None
+    rows = rows_of(CameraModel.from_focal(320, 240, FOCAL_PX, readout_s=0.018), points)
+    rows.step(TURN, None)
+    assert rows.errors(0, np.arange(20)) is None
 
 
 def test_a_global_shutter_leaves_the_places_as_they_are():
