@@ -56,6 +56,9 @@ class PerfectGround:
         n, e, _ = self._vehicle.position
         return (Spot(5.0 - n, -e, 0.5, 0.5, 0.0, 3.0),)
 
+    def clear_m(self, reach_m: float) -> float:
+        return -self._vehicle.position[2]
+
     def at(self, north_m: float, east_m: float) -> Disc:
         return Disc(LANDABLE, (), 0.5, 0.1, 0.0, 1.0)
 
