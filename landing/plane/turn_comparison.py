@@ -29,6 +29,8 @@ _LEVEL_RAD, _HEADING_RAD, _WANDERS_S = math.radians(0.4), math.radians(0.8), 8.0
 """Errors of an autopilot's level and heading, one sigma of an axis, and their correlation time, s.
 
 Of an estimator that is not at its best: vibration, a compass near currents, a GPS that wanders."""
+_PATCHES = 4.0
+"""Places of a view whose relief is independent: neighbours share it. A plane's motion needs as many."""
 _LENS_SHARE = 0.03
 """Error of a rotation seen through the lens, as a share of it, one sigma: of focal length, distortion and mount."""
 
@@ -69,7 +71,7 @@ class TurnComparison:
             seen = picture_rotation(views, span_s)
             if seen is not None:
                 gap, fit = seen
-                spread = fit.covariance[5:, 5:] + self._doubt(views, gap, newest.ned_from_camera, late_std_s)
+                spread = _uneven(fit) + self._doubt(views, gap, newest.ned_from_camera, late_std_s)
                 return float(fit.d @ np.linalg.solve(spread, fit.d)), 3
         return 0.0, 0
 
@@ -93,3 +95,15 @@ class TurnComparison:
         if newest.turn_rate is not None:
             doubt += np.diag(np.square(newest.turn_rate * views.rows.std_s))
         return np.asarray(doubt, np.float64)
+
+
+def _uneven(fit: PlaneFit) -> Array:
+    """Covariance (3, 3) of the rotation that a fit found, where the ground is not one plane.
+
+    What tracks are off beyond the noise of their matches is relief, a roof beside the ground below it: they do not
+    average it as they average noise.
+    """
+    matching = max(fit.noise, 1.0) ** -2
+    alike = max(np.count_nonzero(fit.weight) / _PATCHES, 1.0)
+    spread: Array = fit.covariance[5:, 5:] * (matching + (1 - matching) * alike)
+    return spread
