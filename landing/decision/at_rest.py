@@ -6,6 +6,9 @@ from landing.decision.orders import GroundMotion, Inputs
 
 KNOWN_S, MOVES_S = 0.5, 1.0
 """How long either must hold."""
+MOVES_AFTER_REST_S = 5.0
+"""How long it must move where it was known to be at rest: the autopilot's velocity wanders, and uneven ground is no
+plane; faster ground is a contradiction at once."""
 
 
 class AtRest:
@@ -27,5 +30,5 @@ class AtRest:
         held_s = i.time_s - self._since_s
         if self._motion is GroundMotion.AT_REST and held_s >= KNOWN_S:
             self.known = True
-        if self._motion is GroundMotion.MOVES and held_s >= MOVES_S:
+        if self._motion is GroundMotion.MOVES and held_s >= (MOVES_AFTER_REST_S if self.known else MOVES_S):
             self.moves = True

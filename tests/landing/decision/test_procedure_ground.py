@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from procedure_flight import DT, OPTIONS, Flight
 
+from landing.decision.at_rest import MOVES_AFTER_REST_S, MOVES_S
 from landing.decision.fence import Fence
 from landing.decision.guidance import ACCELERATION
 from landing.decision.headroom import SURE_S, Headroom, level_share
@@ -88,9 +89,14 @@ def test_the_share_of_a_level_speed():
 
 def test_ground_that_moves_plainly_is_refused_with_its_own_reason():
     flight = Flight()
+    flight.now["ground_motion"] = GroundMotion.MOVES
     flight.until(State.LOOK)
-    step = flight.until(State.GIVE_BACK, 2.0, ground_motion=GroundMotion.MOVES)
+    step = flight.until(State.GIVE_BACK, MOVES_S + 0.5)
     assert (step.why, step.order.kind) == (Why.GROUND_MOVES, OrderKind.STOP)
+    rested = Flight()
+    rested.until(State.GO)
+    rested.until(State.GIVE_BACK, MOVES_AFTER_REST_S + 0.5, ground_motion=GroundMotion.MOVES)
+    assert rested.machine.why is Why.GROUND_MOVES
 
 
 def test_over_ground_that_is_not_known_to_be_at_rest_it_does_not_come_down():
