@@ -18,6 +18,7 @@ from landing.ground.ground import Ground
 from landing.ground.ground_velocity import passage
 from landing.ground.roughness import Relief, ReliefMap
 from landing.motion.contradictions import Contradictions, rotation_chi2, velocity_chi2
+from landing.motion.fixed_parts import FixedParts, Mask
 from landing.motion.views import Views
 from landing.observation import Observation
 from landing.options import EstimatorOptions, Options
@@ -30,7 +31,6 @@ from landing.plane.time_offset import TimeOffsetFilter
 from landing.rotations import euler_from_matrix
 from landing.track_view import track_view
 from landing.vision.camera import CameraModel
-from landing.vision.fixed_parts import FixedParts, Mask
 from landing.vision.homography import towards
 from landing.vision.rolling_shutter import Motion
 
@@ -81,8 +81,7 @@ class SurfacePipeline:
         self.appearance = AppearanceChange(options.estimator, camera, measured_px)
         self.ground = Ground(options.ground, camera)
         self._given = camera.mask
-        self.fixed = FixedParts(camera)
-        """What is found to stand still in the picture: it joins the mask that the camera came with."""
+        self.fixed: FixedParts | None = None
         e = options.estimator
         self.time_offset = TimeOffsetFilter(
             e.time_offset_std_s,
@@ -129,21 +128,20 @@ class SurfacePipeline:
         if plane.status == "ok" and math.isfinite(plane.divergence):
             self._motion = Motion(plane.omega, plane.normal)
             self.views.rows.saw(self._motion)
-        if self.fixed.step(observation.time_s, image, self.views.newest.ned_from_camera, self._motion):
-            self._take_mask()
+        if self.fixed is not None and self.fixed.step(self.views.newest, image, self._motion):
+            self._take_mask(self.fixed.mask)
         estimate = self._estimate(observation, plane)
         self.ground.step(self.views, plane, observation, estimate)
         return estimate
 
-    def begin_fixed(self, mask: Mask) -> None:
-        """Start from what an earlier flight found to stand still, (height, width)."""
-        self.fixed = FixedParts(self.camera, mask)
-        self._take_mask()
+    def find_fixed(self, known: Mask | None = None) -> None:
+        """Find what stands still in the picture; ``known`` (height, width) is what an earlier flight found."""
+        self.fixed = FixedParts(self.camera, known)
+        self._take_mask(self.fixed.mask)
 
-    def _take_mask(self) -> None:
+    def _take_mask(self, found: Mask) -> None:
         """No track, relief or doubt where the picture does not show the ground."""
-        given, found = self._given, self.fixed.mask
-        mask = found if given is None else given | found
+        mask = found if self._given is None else self._given | found
         self.camera.mask = mask if mask.any() else None
         self.views.tracker.take_mask()
         self.ground.relief.take_mask()

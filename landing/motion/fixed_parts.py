@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from landing.motion.views import View
 from landing.vision.camera import CameraModel
 from landing.vision.homography import Warp, towards
 from landing.vision.rolling_shutter import Motion
@@ -73,12 +74,12 @@ class FixedParts:
         if known is not None:
             self._begin(known)
 
-    def step(self, time_s: float, image: Image, ned_from_camera: Array | None, motion: Motion | None) -> bool:
+    def step(self, view: View, image: Image, motion: Motion | None) -> bool:
         """Take a picture (height, width) and the motion over the plane, None: unknown; whether ``mask`` has changed."""
-        if ned_from_camera is None:
+        if view.ned_from_camera is None:
             return False
         self._frames += 1
-        now = _Picture(time_s, self._small(image), ned_from_camera)
+        now = _Picture(view.time_s, self._small(image), view.ned_from_camera)
         if self._frames >= _FRAMES_APART and motion is not None:
             older = self._older(now, motion)
             if older is not None:
