@@ -53,9 +53,12 @@ class _Usual:
             self._scatter = max(self._least, self._scatter * math.sqrt(1 + learnt * (away * away - 1)))
         return abs(away)
 
-    def forget(self) -> None:
-        """Other pixels count from now on."""
-        self._usual, self._scatter, self._seen = math.nan, 2 * self._least, _FIRST
+    def take_mask(self, before: Image | None, now: Image | None) -> None:
+        """Other pixels count from now on; where they do at this side, what is usual is learnt anew."""
+        for part in (slice(_OUTER), _INNER):
+            old, new = (None if shown is None else self._lines(shown)[part] for shown in (before, now))
+            if not _same(old, new):
+                self._usual, self._scatter, self._seen = math.nan, 2 * self._least, _FIRST
 
     def _brightness(self, image: Image, shown: Image | None, part: slice) -> float | None:
         """Of some lines along the side, what shows ground of them; None where too little does."""
@@ -78,13 +81,17 @@ class AppearanceChange:
         self._possible = min(camera.width, camera.height) >= 2 * _INNER.stop
         self._sigmas = options.border_unlike_sigmas
         self._sides = [_Usual(axis, far, options.border_unlike / self._sigmas) for axis, far in SIDES]
+        self._shown: Image | None = None
         self.take_mask(camera)
 
     def take_mask(self, camera: CameraModel) -> None:
-        """The camera's mask has changed: what is usual is learnt anew."""
-        self._shown = None if camera.mask is None else np.where(camera.mask, 0, 255).astype(np.uint8)
+        """The camera's mask has changed: what is usual is learnt anew where it did."""
+        before, self._shown = (
+            self._shown,
+            None if camera.mask is None else np.where(camera.mask, 0, 255).astype(np.uint8),
+        )
         for side in self._sides:
-            side.forget()
+            side.take_mask(before, self._shown)
 
     def step(self, image: Image, sides: set[int], moved_px: float = math.inf) -> set[int]:
         """The sides (numbers in ``border.SIDES``) where ground looks different from the rest and is not measured yet.
@@ -100,3 +107,12 @@ class AppearanceChange:
             if self._sides[number].step(image, self._shown) > self._sigmas:
                 self._left_px[number] = self._kept_px
         return {number for number, left_px in self._left_px.items() if left_px > 0}
+
+
+def _same(a: Image | None, b: Image | None) -> bool:
+    """Whether two masks show the same pixels; None shows all."""
+    if a is None and b is None:
+        return True
+    if a is None or b is None:
+        return bool(np.all(a if b is None else b))
+    return np.array_equal(a, b)

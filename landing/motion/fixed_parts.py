@@ -39,13 +39,16 @@ _KEPT = 40
 _FRAMES_APART = 3
 _LOOKS = 8
 """Looks from which a cell may be masked."""
+_FEW = 3
+"""Cells whose change can wait."""
 _MEMORY = 24.0
 """Looks over which the sums fade."""
-_STILL, _MOVES = 0.2, 0.5
+_STILL, _MOVES = 0.35, 0.8
 """Ratio of the two sums below which a cell stands still, and above which it does not any more."""
+_SHOWN = 1.5
+"""Ratio of the two sums in the middle of all cells from which the view shows that the ground moves."""
 _SEEN = 0.25
 """Share of the picture's usual change that the ground's motion would have made in a cell that stands still."""
-_NO_SECOND_MAP = np.empty((0, 0), np.float32)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +70,7 @@ class FixedParts:
         self._side = _CELL * self._factor
         self._shape = camera.height // self._side, camera.width // self._side
         self._pictures: deque[_Picture] = deque(maxlen=_KEPT)
-        self._frames = 0
+        self._frames = self._since = 0
         self._still, self._warped, self._looks = (np.zeros(self._shape) for _ in range(3))
         self.cells: Mask = np.zeros(self._shape, bool)
         self.mask: Mask = np.zeros((camera.height, camera.width), bool)
@@ -119,14 +122,18 @@ class FixedParts:
         if f > 1:
             places = np.asarray((places - (f - 1) / 2) / f, np.float32)
         level, before = _level(new), _level(old)
-        warped = cv2.remap(before, places, _NO_SECOND_MAP, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        # OpenCV 5.0.0 interpolates linearly at wrong places where both coordinates come in one map
+        x, y = np.ascontiguousarray(places[..., 0]), np.ascontiguousarray(places[..., 1])
+        warped = cv2.remap(before, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         still, moving = (_cells(cv2.absdiff(level, other)) for other in (before, warped))
         middle = places[_CELL // 2 :: _CELL, _CELL // 2 :: _CELL]
         rows, columns = self._shape
         y, x = np.mgrid[0:rows, 0:columns] * _CELL + _CELL // 2
         shift = np.hypot(middle[..., 0] - x, middle[..., 1] - y)
         seen = shift >= _LEAST_SHIFT * _SHIFT * self._camera.width / f
-        seen &= (middle >= 0).all(axis=2) & (middle[..., 0] < new.shape[1]) & (middle[..., 1] < new.shape[0])
+        # all of the cell lies in the older picture
+        inside = np.array((new.shape[1], new.shape[0])) - _CELL // 2
+        seen &= ((middle >= _CELL // 2 - 0.5) & (middle <= inside + 0.5)).all(axis=2)
         self._looks[seen] = np.minimum(self._looks[seen] + 1, _MEMORY)
         gain = seen / np.maximum(self._looks, 1.0)
         self._still += gain * (still - self._still)
@@ -137,12 +144,17 @@ class FixedParts:
         if not enough.any():
             return False
         usual = float(np.median(self._still[enough]))
-        still = enough & (self._still < _STILL * self._warped) & (self._warped > _SEEN * usual)
+        # the rest of the view must show that the ground moves: tiles may fall on themselves
+        moves = usual > _SHOWN * float(np.median(self._warped[enough]))
+        still = enough & (self._still < _STILL * self._warped) & (self._warped > _SEEN * usual) & moves
         kept = self.cells & ~(enough & (self._still > _MOVES * self._warped))
         found = still | kept
-        if np.array_equal(found, self.cells):
+        changed = int(np.count_nonzero(found != self.cells))
+        self._since += 1
+        # single cells at an edge come and go: who uses the mask need not follow each of them at once
+        if not changed or (changed <= _FEW and self._since < _LOOKS):
             return False
-        self.cells = found
+        self.cells, self._since = found, 0
         wide = cv2.dilate(found.astype(np.uint8), np.ones((3, 3), np.uint8))
         mask = np.zeros_like(self.mask)
         big = np.kron(wide, np.ones((self._side, self._side), np.uint8)).astype(bool)
