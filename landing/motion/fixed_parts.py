@@ -43,7 +43,7 @@ _FEW = 3
 """Cells whose change can wait."""
 _MEMORY = 24.0
 """Looks over which the sums fade."""
-_STILL, _MOVES = 0.35, 0.8
+_STILL, _MOVES = 0.45, 0.9
 """Ratio of the two sums below which a cell stands still, and above which it does not any more."""
 _SHOWN = 1.5
 """Ratio of the two sums in the middle of all cells from which the view shows that the ground moves."""

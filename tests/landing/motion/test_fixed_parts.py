@@ -43,7 +43,7 @@ def fly(
 @pytest.mark.parametrize("still", [SKID, DROP])
 def test_a_skid_and_a_drop_are_found_and_nothing_else(still: np.ndarray) -> None:
     found = fly(FixedParts(CAMERA), range(60), still).mask
-    assert found[still].mean() > 0.97
+    assert found[still].mean() > 0.85
     near = np.zeros_like(still)
     for shift in range(-9, 10):
         near |= np.roll(still, shift, 1) | np.roll(np.roll(still, shift, 0), 9, 1) | np.roll(still, shift, 0)
