@@ -190,9 +190,9 @@ class HealthMonitor:
             found.append(condition(Code.CLOCKS_UNRELATED))
         return gravest_first(found)
 
-    def forbids(self, code: Code) -> bool:
-        """Whether this condition stands now; it forbids a landing whatever the surface is like."""
-        return any(c.code == code for c in self._constant())
+    def standing_codes(self) -> frozenset[str]:
+        """Codes of the conditions that stand now beside those of the inputs' ages: some forbid any landing."""
+        return frozenset(c.code for c in self._constant())
 
     def _of_inputs(self, now_us: int) -> Iterator[Condition]:
         for name in self._expected:

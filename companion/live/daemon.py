@@ -71,6 +71,7 @@ class Daemon:
         self._inputs, self._inbox = inputs, inputs.inbox
         self._link, self._camera = inputs.link, inputs.camera
         self._estimate_us = 0
+        self._camera_now = inputs.camera.status()
         self._overload = Overload()
         self._date, self._look, self._look_at = Date(), look, 0.0
         self.failed = ""
@@ -167,7 +168,7 @@ class Daemon:
             self.pipeline.feed(samples)
         else:
             self.pipeline.tick(now_us())
-        if self._camera.status().stuck and not self.failed:
+        if self._camera_now.stuck and not self.failed:
             self.failed = "every read of the camera hangs in its driver; only a new process can open it again"
             self.pipeline.report(DriverEvent("camera_stuck", "error", self.failed, now_us()))
             self.stop()
@@ -269,7 +270,7 @@ class Daemon:
                 found.append(condition(Code.RATE_TOO_LOW, name, f"{hz:.1f} Hz of {wanted[name]:g}"))
             if self._link.unsigned_only:
                 found.append(condition(Code.UNSIGNED))
-        status = self._camera.status()
+        status = self._camera_now = self._camera.status()
         overloaded = self._overload.step(now_us(), status.delivered, status.skipped)
         if overloaded is not None:
             found.append(overloaded)

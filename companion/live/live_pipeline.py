@@ -156,6 +156,8 @@ class LivePipeline:
         self._core.set_standing(self._conditions())
 
     def _hand_on(self, outputs: list[Output], started: float) -> None:
+        if not outputs:
+            return  # as of nearly every sample of telemetry
         if any(isinstance(output, Processed) for output in outputs):
             self.estimated_at = time.monotonic()
             self._times_ms.append((time.perf_counter() - started) * 1e3)
