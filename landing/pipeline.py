@@ -17,7 +17,7 @@ from landing.ground.drop_off import DropOff
 from landing.ground.ground import Ground
 from landing.ground.ground_velocity import passage
 from landing.ground.roughness import Relief, ReliefMap
-from landing.motion.contradictions import Contradictions, rotation_chi2, velocity_chi2
+from landing.motion.contradictions import Contradictions, velocity_chi2
 from landing.motion.fixed_parts import FixedParts, Mask
 from landing.motion.views import Views
 from landing.observation import Observation
@@ -28,6 +28,7 @@ from landing.plane.plane import Plane
 from landing.plane.quadratic import QuadraticEstimator
 from landing.plane.surface import surface
 from landing.plane.time_offset import TimeOffsetFilter
+from landing.plane.turn_comparison import TurnComparison
 from landing.rotations import euler_from_matrix
 from landing.track_view import track_view
 from landing.vision.camera import CameraModel
@@ -36,10 +37,6 @@ from landing.vision.rolling_shutter import Motion
 
 Array = NDArray[np.float64]
 
-_LENS_SHARE = 0.03
-"""Error of a rotation seen through the lens, as a share of it, one sigma: of focal length and distortion."""
-_LEVEL_WANDERS_S = 5.0
-"""Correlation time of the error of the autopilot's roll and pitch, s: its accelerometer corrects within seconds."""
 _READOUT_STEP_S = 0.0005
 """Change of what is known of the rows' readout at which the tracks are moved."""
 _SLOW = 0.2
@@ -90,6 +87,7 @@ class SurfacePipeline:
             self.views.rows.readout_s,
             self.views.rows.std_s,
         )
+        self.turn_comparison = TurnComparison(e.attitude_error_std_rad)
         self.contradictions = Contradictions()
         self._motion: Motion | None = None
         self._border_was_rough = False
@@ -161,10 +159,9 @@ class SurfacePipeline:
 
     def _compare(self, observation: Observation, plane: Plane) -> None:
         """The pictures' motion against the gyro's and the autopilot's."""
-        found, rotation, chi2 = plane.rotation_error, (0.0, 0), math.nan
-        if found is not None and self.options.estimator.use_attitude:
-            more_std = self._rotation_doubt(plane.gap)
-            rotation = rotation_chi2(found.mean, found.covariance, found.prior_std, more_std)
+        rotation, chi2 = (0.0, 0), math.nan
+        if self.options.estimator.use_attitude:
+            rotation = self.turn_comparison.step(self.views, self.time_offset.std_s)
         ned_from_camera = self.views.newest.ned_from_camera
         if observation.velocity_ned is not None and ned_from_camera is not None and plane.status == "ok":
             velocity = ned_from_camera.T @ observation.velocity_ned
@@ -176,22 +173,6 @@ class SurfacePipeline:
         )
         if self.contradictions.failing:
             late.search()
-
-    def _rotation_doubt(self, gap: int) -> Array:
-        """Error (3,) rad, one sigma, of the rotation over ``gap`` frames by attitudes, lateness and readout."""
-        change, turn_rate = self.views.turn_change(gap), self.views.newest.turn_rate
-        late = np.zeros(3) if change is None else change[0] * self.time_offset.std_s
-        rows = np.zeros(3) if turn_rate is None else turn_rate * self.views.rows.std_s
-        o, interval_s = self.options.estimator, self.views.newest.time_s - self.views.view(gap).time_s
-        # errors of level wander within seconds, and two attitudes far apart have each their own
-        wandered = 1 - math.exp(-interval_s / _LEVEL_WANDERS_S)
-        attitudes = 2 * (o.attitude_error_std_rad**2 + wandered * math.radians(o.attitude_std_deg) ** 2)
-        rotation = self.views.rotation(gap)
-        turn = (
-            0.0 if rotation is None else math.acos(max(-1.0, min(1.0, (float(np.trace(rotation)) - 1) / 2)))
-        )
-        doubt: Array = np.sqrt(attitudes + np.square(late) + np.square(rows) + (_LENS_SHARE * turn) ** 2)
-        return doubt
 
     def _prediction(self, observation: Observation) -> tuple[Array, Array] | None:
         """This frame's normalised points from the last's: homographies of the last plane and of what is far away."""
