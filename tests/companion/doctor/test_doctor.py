@@ -5,6 +5,7 @@ import shutil
 import socket
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -19,6 +20,7 @@ from companion.doctor.doctor import examine
 from companion.doctor.findings import DoctorOptions, Finding, exit_code
 from companion.doctor.link import LinkExamination
 from companion.doctor.system import disk_findings, settings_findings, zenoh_findings
+from companion.live.kept_mask import KeptMask
 from companion.settings.settings import Settings
 from companion.settings.settings_file import LoadedSettings, load
 from drivers.files.video_file import VideoFile
@@ -130,6 +132,22 @@ def test_settings_that_do_not_load_end_with_two(tmp_path, capsys):
     assert main(["doctor", "--config", str(settings)]) == 2
     assert "sauce" in capsys.readouterr().err
     assert main(["doctor", "--seconds", "1"]) == 2
+
+
+def test_what_is_masked_is_named(tmp_path, monkeypatch):
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
+    settings = loaded(f"camera.source={STAIRS}", f"camera.calibration={STAIRS / 'camera.yaml'}").settings
+    assert "mask" not in watched(settings, 3)
+    mask = np.zeros((240, 320), bool)
+    mask[:, :32] = True
+    KeptMask(settings.camera).save(mask, 0)
+    seen = watched(settings, 3)["mask"]
+    assert (seen.level, str(tmp_path) in seen.text, "10%" in seen.text) == ("ok", True, True)
+    mask[:, :160] = True
+    KeptMask(settings.camera).save(mask, 0)
+    assert watched(settings, 3)["mask"].level == "warning"
+    unlearnt = replace(settings, camera=replace(settings.camera, learn_mask=False))
+    assert "mask" not in watched(unlearnt, 3)
 
 
 def test_a_calibration_of_another_size_fails():
