@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from landing.decision.decision import against_flat
 from landing.errors import LandingError
-from landing.estimate import SurfaceEstimate, TrackView
+from landing.estimate import SurfaceEstimate
 from landing.ground.appearance import AppearanceChange
 from landing.ground.border import Border
 from landing.ground.drop_off import DropOff
@@ -18,6 +18,7 @@ from landing.ground.ground import Ground
 from landing.ground.ground_velocity import passage
 from landing.ground.roughness import Relief, ReliefMap
 from landing.motion.contradictions import Contradictions, velocity_chi2
+from landing.motion.fixed_parts import FixedParts, Mask
 from landing.motion.views import Views
 from landing.observation import Observation
 from landing.options import EstimatorOptions, Options
@@ -29,6 +30,7 @@ from landing.plane.surface import surface
 from landing.plane.time_offset import TimeOffsetFilter
 from landing.plane.turn_comparison import TurnComparison
 from landing.rotations import euler_from_matrix
+from landing.track_view import track_view
 from landing.vision.camera import CameraModel
 from landing.vision.homography import towards
 from landing.vision.rolling_shutter import Motion
@@ -75,6 +77,8 @@ class SurfacePipeline:
         self.drop_off = DropOff(options.estimator, camera)
         self.appearance = AppearanceChange(options.estimator, camera, measured_px)
         self.ground = Ground(options.ground, camera)
+        self._given = camera.mask
+        self.fixed: FixedParts | None = None
         e = options.estimator
         self.time_offset = TimeOffsetFilter(
             e.time_offset_std_s,
@@ -122,9 +126,25 @@ class SurfacePipeline:
         if plane.status == "ok" and math.isfinite(plane.divergence):
             self._motion = Motion(plane.omega, plane.normal)
             self.views.rows.saw(self._motion)
+        if self.fixed is not None and self.fixed.step(self.views.newest, image, self._motion):
+            self._take_mask(self.fixed.mask)
         estimate = self._estimate(observation, plane)
         self.ground.step(self.views, plane, observation, estimate)
         return estimate
+
+    def find_fixed(self, known: Mask | None = None) -> None:
+        """Find what stands still in the picture; ``known`` (height, width) is what an earlier flight found."""
+        self.fixed = FixedParts(self.camera, known)
+        self._take_mask(self.fixed.mask)
+
+    def _take_mask(self, found: Mask) -> None:
+        """No track, relief or doubt where the picture does not show the ground."""
+        mask = found if self._given is None else self._given | found
+        self.camera.mask = mask if mask.any() else None
+        self.views.tracker.take_mask()
+        self.ground.relief.take_mask()
+        self.border.barred = self.camera.barred(1)
+        self.appearance.take_mask(self.camera)
 
     def _apply_readout(self) -> None:
         """Take what has been found of the rows' readout, where it is not set."""
@@ -235,7 +255,7 @@ class SurfacePipeline:
             appearance_change=bool(appearance_change),
             ground_speed_m_s=self.ground.motion.speed_m_s,
             ground_speed_std_m_s=self.ground.motion.std_m_s,
-            tracks=self._track_view(plane, relief_),
+            tracks=track_view(self.views.tracker, plane, relief_, o.standing_height),
             **known,
         )
         reasons = against_flat(estimate, self.options.decision)
@@ -307,24 +327,3 @@ class SurfacePipeline:
         velocity = ned_from_camera.T @ observation.velocity_ned
         limit = self.options.estimator.max_height_std
         return height(velocity, observation.velocity_std, plane.omega, plane.omega_std, limit)
-
-    def _track_view(self, plane: Plane, relief_: Relief | None) -> TrackView:
-        tracker, limit = self.views.tracker, self.options.estimator.standing_height
-        everywhere = np.full(len(tracker.alive), math.nan)
-        slots, inlier = plane.slots, plane.inlier
-        if relief_ is not None:
-            everywhere[relief_.slots] = relief_.height
-            # tracks too young for the plane's baseline show their height over a shorter one
-            new = np.isfinite(everywhere)
-            new[slots] = False
-            younger = new.nonzero()[0]
-            slots = np.concatenate((slots, younger))
-            inlier = np.concatenate((inlier, np.abs(everywhere.take(younger)) <= limit))
-        if not len(slots):
-            slots = tracker.alive.nonzero()[0]
-            inlier = np.zeros(len(slots), bool)
-        gap = min(plane.gap or 1, tracker.longest())
-        now = tracker.pixels.take(slots, 0).astype(np.float64)
-        before = tracker.pixel_history[(tracker.frame - gap) % tracker.HISTORY].take(slots, 0)
-        there = (tracker.born.take(slots) <= tracker.frame - gap)[:, None]
-        return TrackView(np.where(there, before, now), now, inlier, everywhere.take(slots))
