@@ -155,6 +155,8 @@ def test_a_joystick_moved_ends_the_permission_too() -> None:
         ((beat(status=6),), "failsafe"),
         ((beat(status=8),), "failsafe"),
         ((text("Battery Failsafe"),), "failsafe"),
+        ((text("Circle fence breached"),), "failsafe"),
+        ((text("Circle, Polygon fences breached"),), "failsafe"),
         ((LOST,), "radio_lost"),
         ((GONE,), "radio_lost"),
         ((text("Radio Failsafe - Continuing Guided Mode"),), "radio_lost"),
@@ -168,6 +170,7 @@ def test_what_ends_a_permission_and_does_not_renew_it_when_it_passes(samples, co
     assert scene.codes()[0] in (code, "failsafe")  # a radio's failsafe is one
     calm = (beat(), RADIO, IN_AIR, rc(1900))
     scene.feed(0.3, text("Radio Failsafe Cleared"), text("Battery Failsafe Cleared"), *calm)
+    scene.feed(0.35, text("Fence breach cleared"))
     scene.feed(0.4, text("Manual control regained"), *calm)
     assert not scene.enabled
     assert len(scene.codes()) == 1, scene.codes()

@@ -12,6 +12,8 @@ from places import REPOSITORY
 
 import companion.core.command as command
 import companion.core.consent as consent
+import companion.core.pilot as pilot
+import companion.core.vehicle_state as vehicle_state
 import landing.decision.arrival as arrival
 import landing.decision.decision as decision
 import landing.decision.looking as looking
@@ -87,13 +89,17 @@ def test_every_rule_of_the_decision_is_needed() -> None:
 @pytest.mark.parametrize(
     ("module", "tests"),
     [
-        (consent, "companion/core/test_consent"),
-        (arrival, "landing/decision/test_arrival"),
-        (looking, "landing/decision/test_arrival"),
+        (consent, ("companion/core/test_consent",)),
+        (vehicle_state, ("companion/core/test_consent", "companion/core/test_vehicle_state")),
+        (pilot, ("companion/core/test_consent",)),
+        (arrival, ("landing/decision/test_arrival",)),
+        (looking, ("landing/decision/test_arrival",)),
     ],
 )
-def test_every_rule_of_what_permission_and_procedure_ask_is_needed(module: ModuleType, tests: str) -> None:
-    found = cases(table_of(tests))
+def test_every_rule_of_what_permission_and_procedure_ask_is_needed(
+    module: ModuleType, tests: tuple[str, ...]
+) -> None:
+    found = [case for path in tests for case in cases(table_of(path))]
 
     def passes() -> bool:
         for test in found:
