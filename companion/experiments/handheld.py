@@ -80,7 +80,7 @@ def hand_held(slope_deg: float, n: int, known: bool, turn_deg: float, seed: int)
 
 def jobs(quick: bool, seed: int) -> list[Job]:
     """Every slope with and without knowledge of camera and rotation."""
-    slopes, n = ((0, 30), 30) if quick else (SLOPES, 120)
+    slopes, n = ((0, 30), 18) if quick else (SLOPES, 120)
     return [
         Job(hand_held, {"slope_deg": s, "n": n, "known": known, "turn_deg": 1.5, "seed": seed})
         for known in (False, True)

@@ -122,7 +122,6 @@ RUNNABLE = {page: [c for c in documented.commands(page) if runnable(c)] for page
 def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The first second of a recorded flight, with its truth."""
     folder = short_flight(tmp_path_factory.mktemp("short") / "flight", seconds=1.0)
-    shutil.copy(REPOSITORY / "sitl_logs" / "stairs_a" / "truth.csv", folder / "truth.csv")
     return folder
 
 
