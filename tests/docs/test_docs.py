@@ -149,7 +149,7 @@ def test_commands_shown_run(page: Path, clone: Path, capsys: pytest.CaptureFixtu
         ]
         if command.program == "python":
             script = [sys.executable, str(REPOSITORY / command.name), *words]
-            result = subprocess.run(script, capture_output=True, text=True, timeout=120)
+            result = subprocess.run(script, capture_output=True, text=True, timeout=3600)
             assert result.returncode == 0, (command, result.stderr)
             continue
         assert cli.main([command.name, *words]) == 0, (command, capsys.readouterr().err)

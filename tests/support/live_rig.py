@@ -20,7 +20,7 @@ from drivers.simulated.vehicle.firmware import Firmware
 from drivers.simulated.vehicle.vehicle import Multirotor
 from drivers.system import host_clock
 
-PATIENCE_S = 60.0
+PATIENCE_S = 600.0
 STEP_S, MOST_S = 0.03, 0.1
 
 

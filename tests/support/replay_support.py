@@ -15,7 +15,8 @@ from flight_copy import FLIGHTS, short_flight
 NAMES = ("stairs_a", "ramp_a", "descent_a", "agile_a", "rubble_a", "stairs_c")
 ENABLED = {"stairs_a": ("--enable-after", "8"), "ramp_a": ("--enable-after", "17")}
 """When landing is enabled in replays for all tests; no estimate depends on it."""
-PATIENCE_S = 300
+PATIENCE_S = 3600
+"""Only so that a command that hangs ends some day; a busy machine takes long."""
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from drivers.system.single_instance import SingleInstance
 
 STAIRS = SITL_LOGS / "stairs_a"
 OPTIONS = DoctorOptions()
-PATIENCE_S = 60.0
+PATIENCE_S = 600.0
 
 
 def loaded(*overrides: str) -> LoadedSettings:

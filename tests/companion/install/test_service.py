@@ -71,7 +71,7 @@ def test_the_service_under_a_real_systemd(tmp_path):
             pytest.skip("overlay mounts are not allowed here")
         assert main(["install", "--root", str(root), "--no-enable"]) == 0
         (root / "etc/landslope/landslope.toml").write_text(SETTINGS)
-        console = nspawn_support.boot(root, SCRIPT, results, timeout_s=100)
+        console = nspawn_support.boot(root, SCRIPT, results, timeout_s=300)
     if not (results / "results.toml").exists():
         pytest.skip(f"systemd did not boot in a container here: {console[-300:]}")
     journal = (results / "journal.txt").read_text()
