@@ -28,7 +28,10 @@ note start 0
 note active "$(show ActiveState)"
 first=$(show MainPID)
 note user "$(stat -c %U /proc/$first)"
-for k in $(seq 600); do [ -n "$(show StatusText)" ] && [ -n "$(ls /var/lib/landslope/flights)" ] && break; sleep 0.1; done
+for k in $(seq 600); do
+    [ -n "$(show StatusText)" ] && [ -n "$(ls /var/lib/landslope/flights)" ] && break
+    sleep 0.1
+done
 note status "$(show StatusText | tr -d '"')"
 note alive "$(show ActiveState)"
 note restarts_before "$(show NRestarts)"
