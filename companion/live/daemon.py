@@ -241,6 +241,8 @@ class Daemon:
             message = msgspec.structs.replace(message, recording=recording)
             self.service.status("; ".join(message.problems) or "all well")
         dated = self._date.dated(message)
+        if isinstance(dated, Health):
+            self._inputs.health_file.write(msgspec.json.encode(dated))  # for the doctor
         self._publisher.publish(dated)
         self.recording.message(dated)
         if self._link is not None:

@@ -19,13 +19,12 @@ from companion.doctor.camera import CameraExamination, blur_of
 from companion.doctor.doctor import examine
 from companion.doctor.findings import DoctorOptions, Finding, exit_code
 from companion.doctor.link import LinkExamination
-from companion.doctor.system import disk_findings, instance_findings, settings_findings, zenoh_findings
+from companion.doctor.system import disk_findings, settings_findings, zenoh_findings
 from companion.live.kept_mask import KeptMask
 from companion.settings.settings import Settings
 from companion.settings.settings_file import LoadedSettings, load
 from drivers.files.video_file import VideoFile
 from drivers.simulated.vehicle.autopilot import SimulatedAutopilot
-from drivers.system.single_instance import SingleInstance
 
 STAIRS = SITL_LOGS / "stairs_a"
 OPTIONS = DoctorOptions()
@@ -238,15 +237,6 @@ def test_a_link_that_loses_messages_shows_in_the_rates():
     assert seen["link"].level == "ok"
     assert seen["attitude"].level == "warning"
     assert "baud rate" in seen["attitude"].remedy
-
-
-def test_a_running_landslope_is_named():
-    settings = loaded("vehicle.name=doctors_patient").settings
-    assert not list(instance_findings(settings))
-    with SingleInstance("doctors_patient"):
-        (finding,) = instance_findings(settings)
-    assert finding.level == "warning"
-    assert "systemctl stop" in finding.remedy
 
 
 @pytest.mark.parametrize(("free_mb", "level"), [(10, "failure"), (1000, "warning"), (100_000, "ok")])
