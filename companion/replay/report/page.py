@@ -94,7 +94,11 @@ def _below(history: History, settings: Settings) -> str:
     return (
         '<section class="card"><h2>What was below</h2>'
         + _table("Surface along the way", ("time", "surface", "inclination"), rows)
-        + _table("Verdict along the way", ("time", "verdict", "what stood against a landing, and how long of it"), verdicts)
+        + _table(
+            "Verdict along the way",
+            ("time", "verdict", "what stood against a landing, and how long of it"),
+            verdicts,
+        )
         + "</section>"
     )
 
