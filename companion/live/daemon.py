@@ -16,6 +16,7 @@ from companion.core.landing_watch import LandingWatch
 from companion.errors import LandslopeError
 from companion.live.commander import TOO_LATE, Commander
 from companion.live.inputs import Inputs
+from companion.live.kept_mask import KeptMask
 from companion.live.live_pipeline import LivePipeline
 from companion.live.overload import Overload
 from companion.live.publisher import Publisher
@@ -82,7 +83,9 @@ class Daemon:
             stack.callback(self.service.close)
             self.recording = FlightRecording(settings)
             stack.callback(self.recording.close)
-            self.pipeline = LivePipeline(settings, self._output, self._conditions, self.counters)
+            self.pipeline = LivePipeline(
+                settings, self._output, self._conditions, self.counters, KeptMask(settings.camera)
+            )
             self._report = GroundReport(settings.mavlink, self.pipeline.body_from_camera)
             self._watch = LandingWatch(settings.landing, settings.decision.dwell_s, self.pipeline)
             self._publisher = stack.enter_context(Publisher(settings, retry=True))
@@ -215,7 +218,9 @@ class Daemon:
             if self._steering is not None and not self._inputs.stopped.is_set():
                 self._steering.carry_out(output.order, output.time_unix_us)
         elif isinstance(output, Processed):
-            self._preview.put(output.frame, output.estimate, self._estimate_us + self._date.offset_us)
+            self._preview.put(
+                output.frame, output.estimate, self._estimate_us + self._date.offset_us, output.mask
+            )
             self.recording.processed(output)
         else:
             self._message(output)
@@ -236,6 +241,8 @@ class Daemon:
             message = msgspec.structs.replace(message, recording=recording)
             self.service.status("; ".join(message.problems) or "all well")
         dated = self._date.dated(message)
+        if isinstance(dated, Health):
+            self._inputs.health_file.write(msgspec.json.encode(dated))  # for the doctor
         self._publisher.publish(dated)
         self.recording.message(dated)
         if self._link is not None:

@@ -7,6 +7,7 @@ import cv2
 import msgspec
 import numpy as np
 import zenoh
+from numpy.typing import NDArray
 
 from companion.messages.messages import about
 from companion.settings.settings import PreviewSettings
@@ -15,6 +16,8 @@ from drivers.samples import Frame
 from landing.estimate import SurfaceEstimate
 
 _MICROSECONDS = 1_000_000
+_HATCH = 12
+"""Distance of the lines over masked parts, px."""
 
 
 class Preview(msgspec.Struct, frozen=True, kw_only=True):
@@ -63,6 +66,15 @@ def overlay(frame: Frame, estimate: SurfaceEstimate, time_unix_us: int, max_trac
     )
 
 
+def shaded(image: NDArray[np.uint8], mask: NDArray[np.bool_] | None) -> NDArray[np.uint8]:
+    """The picture (height, width) with what is masked darkened and hatched."""
+    if mask is None or mask.shape != image.shape:
+        return image
+    rows, columns = image.shape
+    hatch = (np.arange(rows)[:, None] + np.arange(columns)) % _HATCH < _HATCH // 4
+    return np.where(mask, np.where(hatch, 160, image // 3), image).astype(np.uint8)
+
+
 def jpeg(image: np.ndarray, width_px: int, quality: int) -> bytes:
     """The (height, width[, 3]) uint8 image as JPEG, scaled down to ``width_px``, never up."""
     if image.shape[1] > width_px:
@@ -98,14 +110,23 @@ class PreviewPublisher:
         self._settings = settings
         self._period_us = round(_MICROSECONDS / settings.rate_hz)
 
-    def put(self, frame: Frame, estimate: SurfaceEstimate, time_unix_us: int) -> bool:
-        """Publish the frame if somebody watches and a picture is due; returns whether it was published."""
+    def put(
+        self,
+        frame: Frame,
+        estimate: SurfaceEstimate,
+        time_unix_us: int,
+        mask: NDArray[np.bool_] | None = None,
+    ) -> bool:
+        """Publish the frame if somebody watches and a picture is due; returns whether it was published.
+
+        ``mask`` (height, width) is shaded.
+        """
         if self._publisher is None:
             self._declare()
         if not self.watched or not self._is_due(frame.arrival_us):
             return False
         settings = self._settings
-        picture = jpeg(frame.image, settings.width_px, settings.jpeg_quality)
+        picture = jpeg(shaded(frame.image, mask), settings.width_px, settings.jpeg_quality)
         drawn = msgspec.json.encode(overlay(frame, estimate, time_unix_us, settings.max_tracks))
         try:
             self._publisher.put(picture, attachment=drawn)
