@@ -21,6 +21,7 @@ class Status(StrEnum):
     ROTATION_CONTRADICTS = "rotation_contradicts"
     VELOCITY_CONTRADICTS = "velocity_contradicts"
     LATENESS_CONTRADICTS = "lateness_contradicts"
+    HEIGHT_CONTRADICTS = "height_contradicts"
     CAMERA_FROZEN = "camera_frozen"
     IMAGE_SIZE = "image_size"
     BACKWARD_STAMP = "backward_stamp"
@@ -28,7 +29,12 @@ class Status(StrEnum):
 
 
 CONTRADICTIONS = frozenset(
-    {Status.ROTATION_CONTRADICTS, Status.VELOCITY_CONTRADICTS, Status.LATENESS_CONTRADICTS}
+    {
+        Status.ROTATION_CONTRADICTS,
+        Status.VELOCITY_CONTRADICTS,
+        Status.LATENESS_CONTRADICTS,
+        Status.HEIGHT_CONTRADICTS,
+    }
 )
 """Statuses that say that pictures and vehicle do not speak of one motion."""
 
@@ -43,6 +49,7 @@ STATUS_MEANING = {
     Status.ROTATION_CONTRADICTS: "the rotation that the pictures show is not the gyro's",
     Status.VELOCITY_CONTRADICTS: "the motion over the ground that the pictures show is not the autopilot's velocity",
     Status.LATENESS_CONTRADICTS: "the pictures are later than can be found, or not as late as they were",
+    Status.HEIGHT_CONTRADICTS: "the height by velocity and ventral flow is not the rangefinder's",
     Status.CAMERA_FROZEN: "the picture stands still while the vehicle turns",
     Status.IMAGE_SIZE: "the picture has another size than the calibration",
     Status.BACKWARD_STAMP: "the frame's time stamp lies before the last one",

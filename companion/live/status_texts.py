@@ -70,6 +70,7 @@ SHORT_CONDITIONS = {
     ConditionCode.READOUT_UNKNOWN: "camera readout not known",
     ConditionCode.ROTATION_CONTRADICTS: "picture and gyro disagree",
     ConditionCode.VELOCITY_CONTRADICTS: "ground, velocity disagree",
+    ConditionCode.HEIGHT_CONTRADICTS: "heights disagree",
     ConditionCode.LATENESS_CONTRADICTS: "pictures too late",
     ConditionCode.VELOCITY_UNKNOWN: "velocity not known",
     ConditionCode.ATTITUDE_UNSURE: "roll and pitch unsure",

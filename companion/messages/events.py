@@ -40,7 +40,12 @@ EVENTS = {
         "the pictures are later than can be found, or not as late as they were: check camera.time_offset_s and what "
         "buffers the picture; there is no estimate until they agree",
     ),
-    "motion_agrees": ("info", "pictures, gyro and velocity agree again"),
+    "height_contradicts": (
+        "error",
+        "the rangefinder's distance is not the height that velocity and pictures give: check its mount and limits, "
+        "what hangs below it, the focal length and the autopilot's velocity; there is no estimate until they agree",
+    ),
+    "motion_agrees": ("info", "pictures, gyro, velocity and rangefinder agree again"),
     "attitude_lost": ("warning", "frames have no attitude"),
     "attitude_back": ("info", "frames have an attitude again"),
     "second_vehicle": ("error", "a second vehicle speaks on the link"),
@@ -99,6 +104,7 @@ REPEATING = frozenset(
         "rotation_contradicts",
         "velocity_contradicts",
         "lateness_contradicts",
+        "height_contradicts",
         "motion_agrees",
         "attitude_lost",
         "attitude_back",
