@@ -11,6 +11,7 @@ from pathlib import Path
 from companion.errors import LandslopeError
 from companion.messages.messages import Health
 from companion.replay.history import History
+from companion.replay.procedure_spans import procedure_spans
 from companion.replay.report.data import PLOTS, report_data, verdict_spans
 from companion.replay.report.recorder import ReportRecorder
 from companion.replay.summary import fit_line, landing_lines, share_line, stretches
@@ -88,12 +89,22 @@ def _below(history: History, settings: Settings) -> str:
         )
         for span in verdict_spans(history)
     ]
+    steps = [
+        (f"{s.start_s:.1f} to {s.end_s:.1f} s", s.state.replace("_", " "), s.text, _place(s.spot_m))
+        for s in procedure_spans(history)
+    ]
+    head = ("time", "state", "why", "place, from the vehicle")
     return (
         '<section class="card"><h2>What was below</h2>'
         + _table("Surface along the way", ("time", "surface", "inclination"), rows)
         + _table("Verdict along the way", ("time", "verdict", "what stood against a landing"), verdicts)
+        + (_table("What the landing procedure would have done", head, steps) if steps else "")
         + "</section>"
     )
+
+
+def _place(spot_m: tuple[float, float] | None) -> str:
+    return "" if spot_m is None else f"{spot_m[0]:.1f} m north, {spot_m[1]:.1f} m east"
 
 
 def _video(video: bytes) -> str:
