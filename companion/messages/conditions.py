@@ -74,7 +74,8 @@ KINDS = {
         "camera: the rows' readout is not known yet; it is found while the vehicle turns, or set camera.readout_s",
     ),
     Code.VELOCITY_UNKNOWN: Kind(
-        "warning", "the autopilot's estimator does not know its velocity: no metres; see its position source"
+        "warning",
+        "the autopilot does not know its velocity, so nothing is known in metres: check its position source",
     ),
     Code.ATTITUDE_UNSURE: Kind("warning", "the autopilot's estimator is unsure of roll and pitch"),
     Code.INPUT_MISSING: Kind("warning", "{subject}: none came"),
