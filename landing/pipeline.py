@@ -22,7 +22,7 @@ from landing.motion.fixed_parts import FixedParts, Mask
 from landing.motion.views import Views
 from landing.observation import Observation
 from landing.options import EstimatorOptions, Options
-from landing.plane.height import height
+from landing.plane.height import BetterHeight, height
 from landing.plane.map_estimator import MapEstimator
 from landing.plane.plane import Plane
 from landing.plane.quadratic import QuadraticEstimator
@@ -77,6 +77,7 @@ class SurfacePipeline:
         self.drop_off = DropOff(options.estimator, camera)
         self.appearance = AppearanceChange(options.estimator, camera, measured_px)
         self.ground = Ground(options.ground, camera)
+        self.better_height = BetterHeight(options.ground.max_scale_std)
         self._given = camera.mask
         self.fixed: FixedParts | None = None
         e = options.estimator
@@ -118,6 +119,7 @@ class SurfacePipeline:
         self.time_offset.step(self.views, plane)
         if self.time_offset.moved:
             self.ground.forget()
+            self.better_height.forget()
             if not confirmed:
                 self.contradictions.began_elsewhere()
         self._compare(observation, plane)
@@ -326,4 +328,8 @@ class SurfacePipeline:
             return math.nan, math.nan
         velocity = ned_from_camera.T @ observation.velocity_ned
         limit = self.options.estimator.max_height_std
-        return height(velocity, observation.velocity_std, plane.omega, plane.omega_std, limit)
+        ratio = height(velocity, observation.velocity_std, plane.omega, plane.omega_std, limit)
+        line, along_axis = self.ground.motion, float(np.linalg.norm(plane.normal))
+        return self.better_height.step(
+            ratio, (line.distance_m * along_axis, line.distance_std_m * along_axis)
+        )
