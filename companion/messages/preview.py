@@ -1,5 +1,6 @@
 """A small picture with the tracks on it, for whoever watches: published only while somebody subscribes."""
 
+import math
 from typing import Annotated, Any
 
 import cv2
@@ -32,6 +33,10 @@ class Preview(msgspec.Struct, frozen=True, kw_only=True):
         about("each track's place before (x, y) and now (x, y), raw image", "px"),
     ]
     inlier: Annotated[tuple[bool, ...], about("for each track: whether it moves as the plane says")]
+    relief: Annotated[
+        tuple[float | None, ...],
+        about("for each track: height over the plane, over the distance along the axis; null: unknown"),
+    ] = ()
 
 
 def overlay(frame: Frame, estimate: SurfaceEstimate, time_unix_us: int, max_tracks: int) -> Preview:
@@ -40,12 +45,15 @@ def overlay(frame: Frame, estimate: SurfaceEstimate, time_unix_us: int, max_trac
     height, width = frame.image.shape[:2]
     rows: tuple[tuple[float, float, float, float], ...] = ()
     inlier: tuple[bool, ...] = ()
+    relief: tuple[float | None, ...] = ()
     if tracks is not None and len(tracks.current_px):
         step = max(1, -(-len(tracks.current_px) // max_tracks))
         pixels = np.hstack([tracks.previous_px, tracks.current_px])[::step]
         drawable = np.isfinite(pixels).all(axis=1)
         rows = tuple((x0, y0, x1, y1) for x0, y0, x1, y1 in pixels[drawable].round(1).tolist())
         inlier = tuple(tracks.inlier[::step][drawable].tolist())
+        heights = tracks.height[::step][drawable].tolist()
+        relief = tuple(round(h, 4) if math.isfinite(h) else None for h in heights)
     return Preview(
         frame=frame.number,
         time_unix_us=time_unix_us,
@@ -54,6 +62,7 @@ def overlay(frame: Frame, estimate: SurfaceEstimate, time_unix_us: int, max_trac
         status=estimate.status,
         tracks=rows,
         inlier=inlier,
+        relief=relief,
     )
 
 

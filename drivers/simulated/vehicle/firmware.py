@@ -161,6 +161,15 @@ class Firmware:
         c.set_mode("BRAKE")
         self._hold_left_s = FAILSAFE_HOLD_S
 
+    def breach_fence(self, c: Controlled) -> None:
+        """Beyond the fence: ArduCopter says so and returns, ACTIVE as before; PX4 holds, CRITICAL (both observed)."""
+        if self.px4:
+            c.texts.append((4, "Geofence: exceeding maximum distance to Home"))
+            self.critical = True
+        else:
+            c.texts.append((4, "Circle fence breached"))
+        c.set_mode("BRAKE" if self.px4 else "RTL")
+
     def takes(self, mode: str, parameters: dict[str, float]) -> bool:
         """PX4: OFFBOARD needs setpoints that come, and modes flown with sticks need sticks (both observed)."""
         if not self.px4:
