@@ -94,7 +94,7 @@ SHORT_PROCEDURE = {
     "hand_over": "procedure hands over to land",
 }
 """State -> few words; short states are not sent."""
-GAVE_BACK = "procedure gave back"
+GAVE_BACK = "procedure ended"
 
 
 class StatusTexts:

@@ -9,7 +9,7 @@ EVENTS = {
     "landing_enabled": ("info", "landing is enabled"),
     "landing_disabled": ("info", "landing is not enabled"),
     "procedure_changed": ("info", "the landing procedure changed its state"),
-    "procedure_gave_back": ("warning", "the landing procedure gave the vehicle back"),
+    "procedure_gave_back": ("warning", "the landing procedure gave control back"),
     "landing_requested": ("info", "a request to land went out"),
     "clock_settled": ("info", "the autopilot's and the companion's clocks are related"),
     "autopilot_rebooted": ("error", "the autopilot's boot time fell back: it started anew"),

@@ -79,6 +79,8 @@ class Firmware:
     """ArduCopter: whether a failsafe for the radio is set up (FS_THR_ENABLE)."""
     gps: bool = True
     """Without it the estimator makes its velocity up, and says so."""
+    origin: bool = True
+    """ArduCopter: without one yet (its first half minute) it sends no LOCAL_POSITION_NED (observed)."""
     critical: bool = False
     chosen: str = ""
     """The mode that the pilot chose last; PX4 goes back to it when it disarms after a landing."""
