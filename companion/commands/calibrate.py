@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Literal
 
@@ -11,9 +12,11 @@ from numpy.typing import NDArray
 
 from companion.calibration.board import DICTIONARIES, Board, BoardFinder
 from companion.calibration.calibration import Calibration, CalibrationOptions, calibrate, collect_views
+from companion.calibration.coverage_page import CoveragePage, address_of
 from companion.calibration.live import LiveCalibration, run_live
 from companion.calibration.paper import PAPERS, on_paper, save_board
 from companion.calibration.picture import picture_of
+from companion.calibration.readout import measure_readout
 from companion.calibration.solve import Lens
 from companion.calibration.time_offset import TimeOffsetOptions, measure_time_offset
 from companion.errors import LandslopeError
@@ -49,13 +52,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--time-offset",
         type=Path,
         metavar="FLIGHT",
-        help="measure camera.time_offset_s from a recorded flight",
+        help="measure camera.time_offset_s and camera.readout_s from a recorded flight",
     )
     parser.add_argument(
         "--out", type=Path, default=Path("camera.yaml"), help="the calibration (default: %(default)s)"
     )
     parser.add_argument(
         "--picture", type=Path, help="the picture of errors and coverage (default: beside --out)"
+    )
+    parser.add_argument(
+        "--page",
+        metavar="[HOST:]PORT",
+        help="with a camera: show the coverage on a web page too, on this machine alone or at HOST (0.0.0.0:8080)",
     )
     parser.add_argument("--fisheye", action="store_true", help="a wide lens: equidistant, by cv2.fisheye")
     parser.add_argument("--chessboard", action="store_true", help="a plain chessboard instead of ChArUco")
@@ -148,8 +156,19 @@ def _from_camera(args: argparse.Namespace, live: LiveCalibration) -> Calibration
         camera = open_camera(source, wanted, limits)
     except DriverError as error:
         raise LandslopeError(f"{error}; --set camera.source=SOURCE names it") from None
-    with camera:
-        return run_live(camera, live, lambda text: print(f"{text}\n", flush=True))
+    with ExitStack() as stack:
+        stack.enter_context(camera)
+        page = None
+        if args.page is not None:
+            page = stack.enter_context(CoveragePage(*address_of(args.page)))
+            print(f"the coverage is shown at port {page.port} too", flush=True)
+
+        def show(text: str) -> None:
+            print(f"{text}\n", flush=True)
+            if page is not None:
+                page.show(text)
+
+        return run_live(camera, live, show)
 
 
 def _say_left_out(left_out: list[tuple[str, str]]) -> None:
@@ -204,6 +223,20 @@ def _time_offset(args: argparse.Namespace) -> int:
     print(
         f"{found.pairs} pairs of frames, rate of turn varying by {found.swing_rad_s:.2f} rad/s, correlation "
         f"{found.correlation:.3f}\n"
-        f"time_offset_s = {found.offset_s:.4f}  # +- {found.std_s:.4f} s; the settings have {now:.4f}"
+        f"time_offset_s = {found.offset_s:.4f}  # +- {found.std_s:.4f} s; the settings have {now:.4f}",
+        flush=True,
     )
+    _readout(args, source.settings.camera.readout_s)
     return 0
+
+
+def _readout(args: argparse.Namespace, now: float | str) -> None:
+    """The rows' readout of the same flight; without one the offset stands alone."""
+    overrides = (*args.overrides, "camera.readout_s=unknown")
+    source = open_source(args.time_offset, args.config, overrides, PlainCamera())
+    try:
+        found = measure_readout(source.samples(), source.camera, source.settings)
+    except LandslopeError as refusal:
+        print(f"# {refusal}; the settings have readout_s = {now}")
+        return
+    print(f"readout_s = {found.readout_s:.4f}  # +- {found.std_s:.4f} s; the settings have {now}")

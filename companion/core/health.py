@@ -13,6 +13,7 @@ from drivers.samples import (
     ClockOffset,
     CommandAnswer,
     CurrentMode,
+    Distance,
     EstimatorReport,
     Frame,
     Heartbeat,
@@ -33,6 +34,7 @@ INPUTS: dict[type, str] = {
     Attitude: "attitude",
     Imu: "gyro",
     Velocity: "velocity",
+    Distance: "distance",
     Heartbeat: "heartbeat",
     LandedState: "landed_state",
     CurrentMode: "current_mode",
@@ -58,6 +60,7 @@ SOURCES = {
     "SCALED_IMU3": "gyro",
     "HIGHRES_IMU": "gyro",
     "LOCAL_POSITION_NED": "velocity",
+    "DISTANCE_SENSOR": "distance",
     "HEARTBEAT": "heartbeat",
     "EXTENDED_SYS_STATE": "landed_state",
     "CURRENT_MODE": "current_mode",
@@ -139,7 +142,7 @@ class HealthMonitor:
         """What size the pictures have where it is not the calibration's; empty while it is."""
         self.calibrated = True
         self.masked = 0.0
-        """Share of the picture that ``camera.mask`` covers."""
+        """Share of the picture that is masked."""
         self.readout_unknown = False
         self.radio_lost = False
         self.standing: tuple[Condition, ...] = ()
@@ -190,9 +193,9 @@ class HealthMonitor:
             found.append(condition(Code.CLOCKS_UNRELATED))
         return gravest_first(found)
 
-    def forbids(self, code: Code) -> bool:
-        """Whether this condition stands now; it forbids a landing whatever the surface is like."""
-        return any(c.code == code for c in self._constant())
+    def standing_codes(self) -> frozenset[str]:
+        """Codes of the conditions that stand now beside those of the inputs' ages: some forbid any landing."""
+        return frozenset(c.code for c in self._constant())
 
     def _of_inputs(self, now_us: int) -> Iterator[Condition]:
         for name in self._expected:
@@ -261,6 +264,7 @@ class HealthMonitor:
             camera_late_std_s=_rounded(clocks.late_std_s),
             camera_readout_s=_rounded(clocks.readout_s),
             camera_readout_std_s=_rounded(clocks.readout_std_s),
+            camera_masked=round(self.masked, 4),
             pipeline_ms=None,
             conditions=conditions,
         )

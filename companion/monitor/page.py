@@ -8,12 +8,13 @@ from typing import Any
 
 from nicegui import ui
 
-from companion.messages.messages import Event
+from companion.messages.messages import Estimate, Event
 from companion.monitor import words
 from companion.monitor.charts import CHARTS, chart_svg
 from companion.monitor.elements import MOST_WORDS, card, heading, label, lines_of
 from companion.monitor.feed import Feed
 from companion.monitor.fleet import View, card_html, view_of
+from companion.monitor.ground_mesh import mesh_of, pose_of
 from companion.monitor.ground_view import ground_svg
 from companion.monitor.health_card import HealthCard
 from companion.monitor.help import EMPTY
@@ -24,13 +25,19 @@ from companion.monitor.tracks import counts, tracks_svg
 
 HERE = Path(__file__).parent
 CSS = (HERE / "style.css").read_text()
-THEME = (HERE / "theme.js").read_text()
+SCRIPTS = "".join(f"<script>{(HERE / name).read_text()}</script>" for name in ("theme.js", "ground3d.js"))
+LOOK_S = 0.02
+"""How often a page looks for a new estimate."""
 CHART_PERIOD_S = 1.0
 FLEET_PERIOD_S = 0.5
 MOST_CARDS = 60
 MOST_EVENTS = 7
 GROUND_LEGEND = (
     "Green landable, orange measured, red disputed, grey unknown; dashed: where it would come down."
+)
+MESH_WORDS = "the ground map in 3D, the vehicle above it; arrow keys turn it"
+MESH_LEGEND = (
+    "Orange is higher, blue lower than the ground around, full colour at 0.3 m. Drag or arrow keys turn it."
 )
 FIGURES = (
     ("height_m", "height over the surface"),
@@ -51,7 +58,11 @@ class Page:
         self._watch = watch
         self._feed = feed
         self._chosen = chosen
+        self._shown_name, self._refreshed_s = "", 0.0
+        self._shown_estimate: Estimate | None = None
         self._shown_picture: bytes = b""
+        self._shown_ground: dict[str, Any] | None = None
+        self._shown_map: dict[str, Any] | None = None
         self._charts_due_s = self._fleet_due_s = 0.0
         self._back_s = 0.0
         self._buttons: list[tuple[Any, Any]] = []
@@ -59,20 +70,31 @@ class Page:
         self._dismissed: dict[str, float] = {}
         self._silent: list[tuple[str, float]] = []
         ui.add_css(CSS)
-        ui.add_body_html(f"<script>{THEME}</script>")
+        ui.add_body_html(SCRIPTS)
         self._build()
         self.refresh()
-        ui.timer(1 / watch.options.refresh_hz, self.refresh)
+        ui.timer(LOOK_S, self._look)
+
+    def _look(self) -> None:
+        """Show a new estimate at once, but not more often than the page is refreshed; ages go on without one."""
+        period_s, since_s = 1 / self._watch.options.refresh_hz, time.monotonic() - self._refreshed_s
+        vehicle = self._watch.vehicles.get(self._shown_name)
+        new = vehicle is not None and vehicle.estimate is not self._shown_estimate
+        if since_s >= 2 * period_s or (new and since_s >= period_s - LOOK_S):
+            self.refresh()
 
     def refresh(self) -> None:
         """Bring the page up to date."""
-        now_s = time.monotonic()
+        now_s = self._refreshed_s = time.monotonic()
         view = view_of(self._watch, self._chosen, now_s)
         self._show_alarm(view)
         if now_s >= self._fleet_due_s:
             self._fleet_due_s = now_s + FLEET_PERIOD_S
             self._show_fleet(view)
         vehicle = view.vehicle
+        self._shown_name, self._shown_estimate = (
+            ("", None) if vehicle is None else (vehicle.name, vehicle.estimate)
+        )
         self._help.set_visibility(vehicle is None)
         for part in self._parts:
             part.set_visibility(vehicle is not None)
@@ -143,6 +165,11 @@ class Page:
         with card("Ground from above") as self._ground_card:
             self._ground = ui.html("", sanitize=False).props("id=ground")
             ui.label(GROUND_LEGEND).classes("small")
+        with card("Ground in 3D") as self._mesh_card:
+            self._mesh = ui.element("canvas").props(
+                f'id=ground3d tabindex=0 role=img aria-label="{MESH_WORDS}"'
+            )
+            ui.label(MESH_LEGEND).classes("small")
         with card("Permission and command") as permission:
             ui.label("permission to land").classes("label")
             self._permission = label("words", "permission")
@@ -177,6 +204,7 @@ class Page:
                     self._charts[chart.name] = ui.html("", sanitize=False).props(f"id=chart-{chart.name}")
         self._cards = [now, scene, camera, permission, health, events, timeline, charts]
         self._ground_card.set_visibility(False)
+        self._mesh_card.set_visibility(False)
 
     def _show_alarm(self, view: View) -> None:
         lines = []
@@ -248,17 +276,32 @@ class Page:
         for name, figure in self._figures.items():
             figure.set_text(words.clipped(figures[name]))
         if estimate is not None:
+            status = words.clipped(estimate.status).replace("_", " ")
             self._frame.set_text(
-                f"frame {estimate.frame}: {words.clipped(estimate.status)}, {estimate.features} tracks,"
+                f"frame {estimate.frame}: {status}, {estimate.features} tracks,"
                 f" {vehicle.rate_hz:.1f} estimates/s"
             )
         self._scene.set_content(scene_svg(estimate, look))
         drawn = ground_svg(vehicle.ground, vehicle.ground_map, words.steered(decision), vehicle.path)
         self._ground_card.set_visibility(bool(drawn))
         self._ground.set_content(drawn)
+        self._show_mesh(vehicle)
         self._permission.set_text(words.clipped(words.permission(decision)))
         self._command.set_text(words.clipped(words.command(decision)))
         self._procedure.set_text(words.clipped(words.procedure(decision)))
+
+    def _show_mesh(self, vehicle: Vehicle) -> None:
+        """The mesh is sent when there is a new map, the vehicle's place with every ground message."""
+        if vehicle.ground is self._shown_ground:
+            return
+        self._shown_ground = vehicle.ground
+        given = {"data-pose": pose_of(vehicle.ground)}
+        if vehicle.ground_map is not self._shown_map:
+            self._shown_map = vehicle.ground_map
+            given["data-map"] = mesh_of(vehicle.ground, vehicle.ground_map)
+        self._mesh.props.update(given)
+        self._mesh.update()
+        self._mesh_card.set_visibility(bool(given["data-pose"] and self._mesh.props.get("data-map")))
 
     def _show_events(self, events: list[Event]) -> None:
         lines = [

@@ -4,7 +4,7 @@ from companion.messages.messages import Decision, Estimate, Health, InputHealth,
 
 DASH = "–"
 SILENT = "SILENT"
-SAID_LAST = "What follows is what it said last; it may not be true any more."
+SAID_LAST = "The values below were the last to arrive; they may be out of date."
 LARGEST_PLAIN = 1e6
 """Larger numbers are written with a power of ten."""
 LONGEST_TEXT = 400
@@ -181,8 +181,9 @@ def against(decision: Decision | None, estimate: Estimate | None, health: Health
         forbidden.append(UNCALIBRATED)
     found = [*forbidden, *(reason for reason in decision.reasons if reason not in forbidden)]
     if estimate is not None and estimate.status != "ok":
-        line = f"no estimate: {estimate.status}"
-        if line not in found and estimate.status not in " ".join(found):
+        status = estimate.status.replace("_", " ")
+        line = f"no estimate: {status}"
+        if line not in found and status not in " ".join(found):
             found.append(line)
     return found
 

@@ -35,6 +35,14 @@ MOVING = frozenset({State.START, State.LOOK, State.CHOOSE, State.SEARCH, State.G
 """States in which setpoints leave."""
 
 
+class GroundMotion(StrEnum):
+    """Of the ground itself: AT_REST is known, MOVES is plain, UNKNOWN is neither."""
+
+    AT_REST = "at_rest"
+    MOVES = "moves"
+    UNKNOWN = "unknown"
+
+
 class OrderKind(StrEnum):
     """What is asked of the autopilot.
 
@@ -84,6 +92,7 @@ class Why(StrEnum):
     SPOT_HAZARD = "spot_hazard"
     SPOT_UNKNOWN = "spot_unknown"
     SPOT_LOST = "spot_lost"
+    HEIGHT_LOST = "height_lost"
     AT_THE_SPOT = "at_the_spot"
     LANDING = "landing"
     NOT_TAKEN = "not_taken"
@@ -94,6 +103,8 @@ class Why(StrEnum):
     FENCE_DISTANCE = "fence_distance"
     FENCE_HEIGHT = "fence_height"
     FENCE_TIME = "fence_time"
+    GROUND_MOVES = "ground_moves"
+    GROUND_MAY_MOVE = "ground_may_move"
     LOOKED_IN_VAIN = "looked_in_vain"
     SEARCHED_IN_VAIN = "searched_in_vain"
     WAY_TOO_LONG = "way_too_long"
@@ -109,31 +120,34 @@ WORDS = {
     Why.NO_METRES: "moves sideways: the height is not known yet",
     Why.GROUND_UNKNOWN: "moves sideways: the ground is not known yet",
     Why.TOO_LOW: "climbs: too low to see a place to land on",
-    Why.TOO_HIGH: "comes down: too high to see what lies on the ground",
+    Why.TOO_HIGH: "descends: too high to see obstacles on the ground",
     Why.CHOOSING: "chooses a place",
     Why.NO_SPOT: "searches along a spiral: no place to land on in view",
     Why.ON_THE_WAY: "flies to the place",
     Why.BETTER_SPOT: "flies to a better place",
-    Why.COMING_DOWN: "comes down on the place",
-    Why.SPOT_UNSURE: "comes down slower: the place is not sure",
+    Why.COMING_DOWN: "descends to the place",
+    Why.SPOT_UNSURE: "descends more slowly: the place is uncertain",
     Why.SPOT_HAZARD: "stops and climbs: the place is a hazard",
     Why.SPOT_UNKNOWN: "stops: the place is not known any more",
     Why.SPOT_LOST: "stops: the place is out of reach",
     Why.AT_THE_SPOT: "hands over to the autopilot's landing",
     Why.LANDING: "the autopilot lands",
-    Why.NOT_TAKEN: "gave back: the autopilot did not follow",
-    Why.PERMISSION_ENDED: "gave back: the permission ended",
-    Why.MODE_LEFT: "gave back: the flight mode was changed",
-    Why.CONTRADICTED: "gave back: the pictures contradict the vehicle",
-    Why.NO_FRAMES: "gave back: no pictures",
-    Why.FENCE_DISTANCE: "gave back: too far from where it began",
-    Why.FENCE_HEIGHT: "gave back: too high or too low",
-    Why.FENCE_TIME: "gave back: it took too long",
-    Why.LOOKED_IN_VAIN: "gave back: the motion did not show the ground",
-    Why.SEARCHED_IN_VAIN: "gave back: no place to land on within reach",
-    Why.WAY_TOO_LONG: "gave back: the place was not reached in time",
-    Why.DESCENT_TOO_LONG: "gave back: the descent took too long",
-    Why.TOO_MANY_TRIES: "gave back: every place turned out unfit",
+    Why.NOT_TAKEN: "gave control back: the autopilot did not follow",
+    Why.PERMISSION_ENDED: "gave control back: the permission ended",
+    Why.MODE_LEFT: "gave control back: the flight mode was changed",
+    Why.CONTRADICTED: "gave control back: the pictures contradict the vehicle",
+    Why.NO_FRAMES: "gave control back: no pictures",
+    Why.FENCE_DISTANCE: "gave control back: too far from where it began",
+    Why.FENCE_HEIGHT: "gave control back: too high or too low",
+    Why.FENCE_TIME: "gave control back: it took too long",
+    Why.GROUND_MOVES: "gave control back: the ground moves by itself",
+    Why.GROUND_MAY_MOVE: "gave control back: the ground is not known to be at rest",
+    Why.HEIGHT_LOST: "stops and climbs: the height is not known any more",
+    Why.LOOKED_IN_VAIN: "gave control back: the motion did not show the ground",
+    Why.SEARCHED_IN_VAIN: "gave control back: no place to land on within reach",
+    Why.WAY_TOO_LONG: "gave control back: the place was not reached in time",
+    Why.DESCENT_TOO_LONG: "gave control back: the descent took too long",
+    Why.TOO_MANY_TRIES: "gave control back: every place turned out unfit",
 }
 """Code -> a sentence without its subject, which is the procedure; the only place where words are made."""
 
@@ -148,7 +162,9 @@ class Inputs:
     the autopilot is busy with a failsafe or is not heard, so nothing may be said to it; ``landing``: it lands at our
     request. ``place_ned`` is the vehicle by the visual motion, ``local_ned`` by the autopilot, in the autopilot's
     axes; ``velocity_ned`` by the visual motion where that is in metres, else by the autopilot. ``height_m`` is over
-    the ground straight below, ``approach`` the sink over it by the view, 1/s (half of an estimate's divergence).
+    the ground straight below, ``clear_m`` over the highest ground of the map where the vehicle may come to within a
+    second (NaN: none is known there), ``approach`` the sink over it by the view, 1/s (half of an estimate's
+    divergence). ``ground_motion``: what is found of the ground's own motion.
     ``spots`` are landable discs, best first, from the vehicle; None: not asked for at this frame. ``below`` and
     ``at_spot`` are the discs straight below and about the chosen place.
     """
@@ -164,7 +180,9 @@ class Inputs:
     velocity_ned: Vector | None = None
     yaw: float = NAN
     height_m: float = NAN
+    clear_m: float = NAN
     approach: float = NAN
+    ground_motion: GroundMotion = GroundMotion.UNKNOWN
     below: Disc = NOT_SEEN
     at_spot: Disc = NOT_SEEN
     spots: tuple[Spot, ...] | None = None

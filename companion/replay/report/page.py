@@ -7,10 +7,12 @@ import platform
 from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 from pathlib import Path
+from typing import Any
 
 from companion.errors import LandslopeError
 from companion.messages.messages import Health
 from companion.replay.history import History
+from companion.replay.procedure_spans import procedure_spans
 from companion.replay.report.data import PLOTS, report_data, verdict_spans
 from companion.replay.report.recorder import ReportRecorder
 from companion.replay.summary import fit_line, landing_lines, share_line, stretches
@@ -23,6 +25,8 @@ PACKAGES = ("landslope", "numpy", "opencv-python-headless", "pymavlink", "mavsdk
 VERDICTS = {"fit": "FIT TO LAND", "unfit": "NOT FIT", "unknown": "UNKNOWN"}
 SIGNS = {"fit": "✓", "unfit": "✕", "unknown": "?"}
 MOST_EVENTS = 2000
+ALL_OF_IT = 0.98
+"""Share of a stretch from which a reason counts as standing throughout."""
 
 Row = Sequence[str]
 
@@ -84,16 +88,40 @@ def _below(history: History, settings: Settings) -> str:
         (
             f"{span['start']:.1f} to {span['end']:.1f} s",
             f"{SIGNS[span['verdict']]} {VERDICTS[span['verdict']]}",
-            "; ".join(span["reasons"]) or "nothing against it",
+            "; ".join(_shares(span)) or "nothing against it",
         )
         for span in verdict_spans(history)
     ]
+    steps = [
+        (f"{s.start_s:.1f} to {s.end_s:.1f} s", s.state.replace("_", " "), s.text, _place(s.spot_m))
+        for s in procedure_spans(history)
+    ]
+    head = ("time", "state", "why", "place, from the vehicle")
     return (
         '<section class="card"><h2>What was below</h2>'
         + _table("Surface along the way", ("time", "surface", "inclination"), rows)
-        + _table("Verdict along the way", ("time", "verdict", "what stood against a landing"), verdicts)
+        + _table(
+            "Verdict along the way",
+            ("time", "verdict", "what stood against a landing, and how long of it"),
+            verdicts,
+        )
+        + (_table("What the landing procedure would have done", head, steps) if steps else "")
         + "</section>"
     )
+
+
+def _place(spot_m: tuple[float, float] | None) -> str:
+    return "" if spot_m is None else f"{spot_m[0]:.1f} m north, {spot_m[1]:.1f} m east"
+
+
+def _shares(span: dict[str, Any]) -> list[str]:
+    """The reasons of a stretch with the time for which each stood; its whole time goes without saying."""
+    whole_s = span["end"] - span["start"]
+    lines = []
+    for words, seconds in span["shares"]:
+        share = seconds / whole_s if whole_s > 0 else 1.0
+        lines.append(words if share > ALL_OF_IT else f"{words} ({seconds:.1f} s, {share:.0%})")
+    return lines
 
 
 def _video(video: bytes) -> str:

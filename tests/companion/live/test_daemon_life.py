@@ -12,9 +12,11 @@ from daemon_support import PATIENCE_S, DaemonBench, wait_for
 from flight_edits import During
 from ports import free_tcp_port
 
+from companion.doctor.running import running
 from companion.live.inputs import Inputs
 from drivers.bus import Endpoints, Subscription, open_session
 from drivers.errors import DriverError
+from drivers.system.single_instance import health_path
 
 
 def test_lands_once_on_fit_ground_and_follows_the_command(tmp_path) -> None:
@@ -26,6 +28,12 @@ def test_lands_once_on_fit_ground_and_follows_the_command(tmp_path) -> None:
         health = bench.of("health")[-1]
         assert bench.wrong_now() == [], health["problems"]
         assert health["pipeline_ms"] > 0
+        service = running(bench.daemon.settings)
+        assert service is not None
+        assert service.health is not None, "the doctor reads it beside the lock"
+        assert service.health.inputs.keys() == health["inputs"].keys()
+    assert running(bench.daemon.settings) is None
+    assert not health_path(service.lock).exists()
 
 
 @pytest.mark.parametrize(
@@ -89,10 +97,12 @@ def test_a_hung_pipeline_stops_heartbeats_and_watchdog(tmp_path, monkeypatch) ->
     done = threading.Event()
 
     def listen() -> None:
-        while not done.is_set():
+        while True:
             try:
                 text = listener.recv(4096).decode()
             except TimeoutError:
+                if done.is_set():
+                    return  # everything that was sent has been read
                 continue
             reported.append((time.monotonic(), text))
 
@@ -110,13 +120,13 @@ def test_a_hung_pipeline_stops_heartbeats_and_watchdog(tmp_path, monkeypatch) ->
             def hang(samples) -> None:
                 monkeypatch.setattr(bench.daemon.pipeline, "feed", feed)
                 moments.append(time.monotonic())
-                time.sleep(3.0)
+                time.sleep(4.0)
                 moments.append(time.monotonic())
                 hung.set()
 
             monkeypatch.setattr(bench.daemon.pipeline, "feed", hang)
             assert hung.wait(PATIENCE_S)
-            silent = (moments[0] + 0.9, moments[1])
+            silent = (moments[0] + 2.0, moments[1])
             assert not [t for t in bench.vehicle.beats if silent[0] < t < silent[1]]
             assert not [t for t, what in reported if "WATCHDOG" in what and silent[0] < t < silent[1]]
             count = len(bench.vehicle.beats)
