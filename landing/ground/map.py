@@ -11,7 +11,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from landing.ground.relief import BLOCK, ViewRelief
+from landing.ground.block_match import PART
+from landing.ground.relief import ViewRelief
 from landing.options import GroundOptions
 
 Array = NDArray[np.float64]
@@ -19,8 +20,8 @@ Array = NDArray[np.float64]
 CELLS = 128
 """Cells a side."""
 CELL_M = 0.1
-_COARSEST = 6
-"""Cells across a block beyond which it has no information about a landing place."""
+_COARSEST = 3
+"""Cells across a part of a block beyond which it has no information about a landing place."""
 _CHANGE_STD_M = 0.01
 """Change of a height that is not seen in the square root of a second."""
 _SHARED = 0.25
@@ -88,7 +89,7 @@ class GroundMap:
 
     def look(self, relief: ViewRelief, ned_from_camera: Array, distance_m: float) -> None:
         """Take one look. ``distance_m`` is the plane's along the axis."""
-        footprint_m = BLOCK * distance_m / self._focal_px
+        footprint_m = PART * distance_m / self._focal_px
         parts = max(1, math.ceil(footprint_m / CELL_M))
         if parts > _COARSEST:
             return
@@ -134,7 +135,7 @@ class GroundMap:
     def _cells(
         self, north: Array, east: Array, parts: int, footprint_m: float
     ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Flat indices (k,) of the cells under blocks of that footprint, and the block of each."""
+        """Flat indices (k,) of the cells under parts of that footprint, and the part of each."""
         steps = (np.arange(parts) - (parts - 1) / 2) * (footprint_m / parts)
         down, across = (part.ravel() for part in np.meshgrid(steps, steps, indexing="ij"))
         row = np.floor((north[:, None] + down) / CELL_M).astype(np.int64) - self._corner[0]

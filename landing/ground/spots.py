@@ -109,7 +109,7 @@ class Discs:
         known = ground.known
         shape = known.shape
         # what is not seen over two cells a side could hide a step
-        gaps = cv2.morphologyEx((~known).astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
+        gaps = gaps_of(known)
         self.known, self.hidden = np.zeros(shape), np.ones(shape, bool)
         self.inclination_deg, self.step_m, self.least_step_m, self.std_m = (
             np.full(shape, NAN) for _ in range(4)
@@ -251,6 +251,14 @@ class Discs:
                 if len(found) == _MOST_SPOTS:
                     break
         return tuple(found)
+
+
+def gaps_of(known: Mask) -> NDArray[np.uint8]:
+    """Cells (rows, columns), 1, of unknown areas that hold a square of two cells a side."""
+    square = np.ones((2, 2), np.uint8)
+    # the square of an even side has no middle: erosion takes its last cell, and dilation must go back from there
+    corner = cv2.erode((~known).astype(np.uint8), square, anchor=(1, 1))
+    return np.asarray(cv2.dilate(corner, square, anchor=(0, 0)), np.uint8)
 
 
 def worst(discs: list[Disc]) -> Disc:
