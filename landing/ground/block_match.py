@@ -102,7 +102,9 @@ def match(new: Image, aligned: Image, flow: Array, along: Array) -> Match:
     own_doubt = _SIGNIFICANT * _SOBEL_NOISE * math.sqrt(2 / (_INDEPENDENT * PART**2)) * noise
     seen = own > in_parts(own_doubt, rows, columns)
     converged = (texture > doubt) & (np.abs(step) <= STEP_PX) & np.isfinite(step)
-    return Match(flow_along + step, std, np.where(np.isfinite(across), across, 0.0), across_std, converged, seen)
+    return Match(
+        flow_along + step, std, np.where(np.isfinite(across), across, 0.0), across_std, converged, seen
+    )
 
 
 def in_parts(of_blocks: NDArray[Any], rows: int, columns: int) -> NDArray[Any]:

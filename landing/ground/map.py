@@ -28,6 +28,8 @@ _SHARED = 0.25
 """Share of a look's variance that no further look takes away: their errors are alike."""
 _DISAGREE = 3.0
 """Standard deviations by which a look must differ from what was known for the cell to begin anew."""
+_SEEN = 0.2
+"""Looks, in baselines, from which a cell has a height at all."""
 _LEVEL_CELLS = 12
 """Cells seen again from which a look is levelled with the map."""
 
@@ -60,6 +62,11 @@ class GroundMap:
         o = self.options
         sure = self.variance <= (o.max_step_m / 2) ** 2
         return np.asarray(sure & (self.looks >= o.min_looks))
+
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """Cells (rows, columns) that have a height, if only from a single look: not enough to stand on it."""
+        return np.asarray((self.variance <= self.options.max_step_m**2) & (self.looks >= _SEEN))
 
     def cell_of(self, north_m: float, east_m: float) -> tuple[int, int]:
         """Row and column of a place in the map's axes; may lie outside."""
@@ -155,10 +162,15 @@ class GroundMap:
             height = height + lift
         innovation = height - old_height
         both = old_variance + variance
-        agrees = again & (innovation * innovation <= _DISAGREE**2 * both)
+        square = innovation * innovation
+        alike = square <= _DISAGREE**2 * both
+        # a difference that the vehicle can stand on is an error larger than it was said to be, and no other ground
+        agrees = again & (alike | (square <= self.options.max_step_m**2))
         gain = np.ones(len(seen))
         gain[agrees] = old_variance[agrees] / both[agrees]
         fused = np.maximum(gain * variance, _SHARED * variance)
+        larger = agrees & ~alike
+        gain[larger], fused[larger] = 0.5, 0.25 * square[larger]
         self.height.ravel()[seen] = np.where(agrees, old_height + gain * innovation, height)
         self.variance.ravel()[seen] = fused
         self.looks.ravel()[seen] = np.where(agrees, looks + weight, weight)

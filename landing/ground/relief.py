@@ -30,7 +30,7 @@ Image = NDArray[Any]
 
 KEPT = 40
 """Pictures kept; the gap looked back over is at most one less."""
-_FRAMES_APART = 3
+_FRAMES_APART = 2
 """Frames from look to look at least: what a look costs is spread over them."""
 _SAMPLE = 40
 _MOVING = 4.0
@@ -224,7 +224,7 @@ class DenseRelief:
         height, width = self._size
         inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
         there = places[y.clip(0, height - 1), x.clip(0, width - 1)]
-        margin = SUPPORT / 2
+        margin = BLOCK / 2
         inside &= (there >= margin).all(axis=1)
         inside &= (there[:, 0] <= shape[1] - 1 - margin) & (there[:, 1] <= shape[0] - 1 - margin)
         if self._barred is not None:
