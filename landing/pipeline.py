@@ -10,14 +10,15 @@ from numpy.typing import NDArray
 
 from landing.decision.decision import against_flat
 from landing.errors import LandingError
-from landing.estimate import SurfaceEstimate, TrackView
+from landing.estimate import SurfaceEstimate
 from landing.ground.appearance import AppearanceChange
 from landing.ground.border import Border
 from landing.ground.drop_off import DropOff
 from landing.ground.ground import Ground
 from landing.ground.ground_velocity import passage
 from landing.ground.roughness import Relief, ReliefMap
-from landing.motion.contradictions import Contradictions, rotation_chi2, velocity_chi2
+from landing.motion.contradictions import Contradictions, velocity_chi2
+from landing.motion.fixed_parts import FixedParts, Mask
 from landing.motion.views import Views
 from landing.observation import Observation
 from landing.options import EstimatorOptions, Options
@@ -27,17 +28,15 @@ from landing.plane.plane import Plane
 from landing.plane.quadratic import QuadraticEstimator
 from landing.plane.surface import surface
 from landing.plane.time_offset import TimeOffsetFilter
+from landing.plane.turn_comparison import TurnComparison
 from landing.rotations import euler_from_matrix
+from landing.track_view import track_view
 from landing.vision.camera import CameraModel
 from landing.vision.homography import towards
 from landing.vision.rolling_shutter import Motion
 
 Array = NDArray[np.float64]
 
-_LENS_SHARE = 0.03
-"""Error of a rotation seen through the lens, as a share of it, one sigma: of focal length and distortion."""
-_LEVEL_WANDERS_S = 5.0
-"""Correlation time of the error of the autopilot's roll and pitch, s: its accelerometer corrects within seconds."""
 _READOUT_STEP_S = 0.0005
 """Change of what is known of the rows' readout at which the tracks are moved."""
 _SLOW = 0.2
@@ -78,6 +77,8 @@ class SurfacePipeline:
         self.drop_off = DropOff(options.estimator, camera)
         self.appearance = AppearanceChange(options.estimator, camera, measured_px)
         self.ground = Ground(options.ground, camera)
+        self._given = camera.mask
+        self.fixed: FixedParts | None = None
         e = options.estimator
         self.time_offset = TimeOffsetFilter(
             e.time_offset_std_s,
@@ -86,6 +87,7 @@ class SurfacePipeline:
             self.views.rows.readout_s,
             self.views.rows.std_s,
         )
+        self.turn_comparison = TurnComparison(e.attitude_error_std_rad)
         self.contradictions = Contradictions()
         self._motion: Motion | None = None
         self._border_was_rough = False
@@ -124,9 +126,25 @@ class SurfacePipeline:
         if plane.status == "ok" and math.isfinite(plane.divergence):
             self._motion = Motion(plane.omega, plane.normal)
             self.views.rows.saw(self._motion)
+        if self.fixed is not None and self.fixed.step(self.views.newest, image, self._motion):
+            self._take_mask(self.fixed.mask)
         estimate = self._estimate(observation, plane)
         self.ground.step(self.views, plane, observation, estimate)
         return estimate
+
+    def find_fixed(self, known: Mask | None = None) -> None:
+        """Find what stands still in the picture; ``known`` (height, width) is what an earlier flight found."""
+        self.fixed = FixedParts(self.camera, known)
+        self._take_mask(self.fixed.mask)
+
+    def _take_mask(self, found: Mask) -> None:
+        """No track, relief or doubt where the picture does not show the ground."""
+        mask = found if self._given is None else self._given | found
+        self.camera.mask = mask if mask.any() else None
+        self.views.tracker.take_mask()
+        self.ground.relief.take_mask()
+        self.border.barred = self.camera.barred(1)
+        self.appearance.take_mask(self.camera)
 
     def _apply_readout(self) -> None:
         """Take what has been found of the rows' readout, where it is not set."""
@@ -141,10 +159,9 @@ class SurfacePipeline:
 
     def _compare(self, observation: Observation, plane: Plane) -> None:
         """The pictures' motion against the gyro's and the autopilot's."""
-        found, rotation, chi2 = plane.rotation_error, (0.0, 0), math.nan
-        if found is not None and self.options.estimator.use_attitude:
-            more_std = self._rotation_doubt(plane.gap)
-            rotation = rotation_chi2(found.mean, found.covariance, found.prior_std, more_std)
+        rotation, chi2 = (0.0, 0), math.nan
+        if self.options.estimator.use_attitude:
+            rotation = self.turn_comparison.step(self.views, self.time_offset.std_s)
         ned_from_camera = self.views.newest.ned_from_camera
         if observation.velocity_ned is not None and ned_from_camera is not None and plane.status == "ok":
             velocity = ned_from_camera.T @ observation.velocity_ned
@@ -156,22 +173,6 @@ class SurfacePipeline:
         )
         if self.contradictions.failing:
             late.search()
-
-    def _rotation_doubt(self, gap: int) -> Array:
-        """Error (3,) rad, one sigma, of the rotation over ``gap`` frames by attitudes, lateness and readout."""
-        change, turn_rate = self.views.turn_change(gap), self.views.newest.turn_rate
-        late = np.zeros(3) if change is None else change[0] * self.time_offset.std_s
-        rows = np.zeros(3) if turn_rate is None else turn_rate * self.views.rows.std_s
-        o, interval_s = self.options.estimator, self.views.newest.time_s - self.views.view(gap).time_s
-        # errors of level wander within seconds, and two attitudes far apart have each their own
-        wandered = 1 - math.exp(-interval_s / _LEVEL_WANDERS_S)
-        attitudes = 2 * (o.attitude_error_std_rad**2 + wandered * math.radians(o.attitude_std_deg) ** 2)
-        rotation = self.views.rotation(gap)
-        turn = (
-            0.0 if rotation is None else math.acos(max(-1.0, min(1.0, (float(np.trace(rotation)) - 1) / 2)))
-        )
-        doubt: Array = np.sqrt(attitudes + np.square(late) + np.square(rows) + (_LENS_SHARE * turn) ** 2)
-        return doubt
 
     def _prediction(self, observation: Observation) -> tuple[Array, Array] | None:
         """This frame's normalised points from the last's: homographies of the last plane and of what is far away."""
@@ -254,7 +255,7 @@ class SurfacePipeline:
             appearance_change=bool(appearance_change),
             ground_speed_m_s=self.ground.motion.speed_m_s,
             ground_speed_std_m_s=self.ground.motion.std_m_s,
-            tracks=self._track_view(plane, relief_),
+            tracks=track_view(self.views.tracker, plane, relief_, o.standing_height),
             **known,
         )
         reasons = against_flat(estimate, self.options.decision)
@@ -326,24 +327,3 @@ class SurfacePipeline:
         velocity = ned_from_camera.T @ observation.velocity_ned
         limit = self.options.estimator.max_height_std
         return height(velocity, observation.velocity_std, plane.omega, plane.omega_std, limit)
-
-    def _track_view(self, plane: Plane, relief_: Relief | None) -> TrackView:
-        tracker, limit = self.views.tracker, self.options.estimator.standing_height
-        everywhere = np.full(len(tracker.alive), math.nan)
-        slots, inlier = plane.slots, plane.inlier
-        if relief_ is not None:
-            everywhere[relief_.slots] = relief_.height
-            # tracks too young for the plane's baseline show their height over a shorter one
-            new = np.isfinite(everywhere)
-            new[slots] = False
-            younger = new.nonzero()[0]
-            slots = np.concatenate((slots, younger))
-            inlier = np.concatenate((inlier, np.abs(everywhere.take(younger)) <= limit))
-        if not len(slots):
-            slots = tracker.alive.nonzero()[0]
-            inlier = np.zeros(len(slots), bool)
-        gap = min(plane.gap or 1, tracker.longest())
-        now = tracker.pixels.take(slots, 0).astype(np.float64)
-        before = tracker.pixel_history[(tracker.frame - gap) % tracker.HISTORY].take(slots, 0)
-        there = (tracker.born.take(slots) <= tracker.frame - gap)[:, None]
-        return TrackView(np.where(there, before, now), now, inlier, everywhere.take(slots))

@@ -1,5 +1,6 @@
 """Fixtures that several subjects share."""
 
+import itertools
 import os
 import shutil
 import signal
@@ -15,6 +16,16 @@ hypothesis.settings.load_profile("landslope")
 
 # where the tests run in the background of a shell, SIGINT comes ignored, also for the processes they start
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+_states = itertools.count()
+
+
+@pytest.fixture(autouse=True)
+def state_directory(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a daemon keeps for its next start does not reach another test, nor the user's own place for it."""
+    folder = tmp_path_factory.getbasetemp() / f"state_{next(_states)}"
+    monkeypatch.setenv("STATE_DIRECTORY", str(folder))
 
 
 @pytest.fixture(scope="session")

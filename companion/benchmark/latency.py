@@ -15,11 +15,13 @@ from pathlib import Path
 
 import numpy as np
 
-from companion.benchmark.latency_peers import Background, PictureServer, Telemetry
-from companion.benchmark.measured_daemon import MeasuredDaemon, Received, free_port
+from companion.benchmark.latency_peers import FRAME_RATE_HZ, Background, PictureServer, Telemetry
+from companion.benchmark.measured_daemon import MeasuredDaemon, Received, Spent, free_port
 from companion.errors import LandslopeError
 
 SETTLE_S = 3.0
+KEPT_UP = 0.97
+"""Share of the camera's frames from which the daemon counts as keeping up."""
 LONG_S = 300.0
 """From so many seconds on a growth of the memory is reported: a shorter run shows only the warm-up."""
 
@@ -40,9 +42,19 @@ class LatencyFigures:
     """From the moment frame and attitude behind it had both been sent: what the software adds."""
     software_p95_ms: float
     cpu_ms_per_frame: float
+    """Processor time of the whole process."""
+    pipeline_ms_per_frame: float
+    """That of the pipeline's steps alone, in the same process and over the same frames."""
+    parts_ms_per_frame: dict[str, float]
+    """That of the threads, by what they are for; the core's contains the pipeline's."""
     rss_mb: float
     growth_mb_per_10_min: float
     """Slope of the resident memory over the second half of the run; means something after LONG_S only."""
+
+    @property
+    def cost_ratio(self) -> float:
+        """The whole daemon's processor time over its pipeline's."""
+        return self.cpu_ms_per_frame / self.pipeline_ms_per_frame
 
 
 def measure(width: int, height: int, seconds: float) -> LatencyFigures:
@@ -54,15 +66,16 @@ def measure(width: int, height: int, seconds: float) -> LatencyFigures:
         daemon = stack.enter_context(MeasuredDaemon(pictures.port, link))
         daemon.wait_for(lambda estimate: True)
         daemon.collect(SETTLE_S)
-        before = _usage(daemon.pid)
+        before = daemon.spent()
         watch = stack.enter_context(_MemoryWatch(daemon.pid))
         received = daemon.collect(seconds)
-        after = _usage(daemon.pid)
+        after, rss_bytes = daemon.spent(), _rss_bytes(daemon.pid)
         return _figures(
             (width, height),
             seconds,
             received,
             (before, after),
+            rss_bytes,
             watch.growth_per_s(),
             pictures.sent_us,
             telemetry.sent_us,
@@ -73,7 +86,7 @@ def table(figures: list[LatencyFigures]) -> str:
     """The figures as text, one line a size."""
     head = (
         f"{'size':>10} {'frames':>7} {'Hz':>6} {'capture to sample, ms':>22} {'of it software, ms':>19} "
-        f"{'CPU ms/frame':>13} {'RSS MB':>7} {'MB/10 min':>10}"
+        f"{'CPU ms/frame':>13} {'of it pipeline':>15} {'ratio':>6} {'RSS MB':>7} {'MB/10 min':>10}"
     )
     lines = [head, f"{'':>10} {'':>7} {'':>6} {'median / p95':>22} {'median / p95':>19}"]
     for f in figures:
@@ -82,15 +95,21 @@ def table(figures: list[LatencyFigures]) -> str:
             f"{f'{f.width}x{f.height}':>10} {f.frames:>7} {f.rate_hz:>6.1f} "
             f"{f'{f.total_median_ms:.1f} / {f.total_p95_ms:.1f}':>22} "
             f"{f'{f.software_median_ms:.1f} / {f.software_p95_ms:.1f}':>19} "
-            f"{f.cpu_ms_per_frame:>13.1f} {f.rss_mb:>7.0f} {growth:>10}"
+            f"{f.cpu_ms_per_frame:>13.2f} {f.pipeline_ms_per_frame:>15.2f} {f.cost_ratio:>6.2f} "
+            f"{f.rss_mb:>7.0f} {growth:>10}"
         )
+    lines.append("")
+    for f in figures:
+        if f.rate_hz < KEPT_UP * FRAME_RATE_HZ:
+            lines.append(
+                f"{f'{f.width}x{f.height}':>10} too busy: {f.rate_hz:.1f} of {FRAME_RATE_HZ:.0f} frames a second; a "
+                "frame's cost and the ratio contain what came in for the frames that were skipped"
+            )
+        parts = {"pipeline": f.pipeline_ms_per_frame, **f.parts_ms_per_frame}
+        parts["core"] = parts.get("core", 0.0) - f.pipeline_ms_per_frame
+        words = ", ".join(f"{name} {ms:.2f}" for name, ms in parts.items())
+        lines.append(f"{f'{f.width}x{f.height}':>10} CPU ms a frame by part: {words}")
     return "\n".join(lines)
-
-
-@dataclass(frozen=True, slots=True)
-class _Usage:
-    cpu_s: float
-    rss_bytes: int
 
 
 class _MemoryWatch(Background):
@@ -109,24 +128,22 @@ class _MemoryWatch(Background):
     def _run(self) -> None:
         while not self._stop.wait(0.5):
             try:
-                self._points.append((time.monotonic(), _usage(self._pid).rss_bytes))
+                self._points.append((time.monotonic(), _rss_bytes(self._pid)))
             except OSError:
                 return  # the process ended
 
 
-def _usage(pid: int) -> _Usage:
-    """Processor time and resident memory of a process, from /proc."""
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
-    ticks = int(fields[11]) + int(fields[12])
-    return _Usage(ticks / os.sysconf("SC_CLK_TCK"), pages * os.sysconf("SC_PAGE_SIZE"))
+def _rss_bytes(pid: int) -> int:
+    """Resident memory of a process, from /proc."""
+    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
 def _figures(
     size: tuple[int, int],
     seconds: float,
     received: list[Received],
-    usage: tuple[_Usage, _Usage],
+    spent: tuple[Spent, Spent],
+    rss_bytes: int,
     growth_per_s: float,
     frames_us: list[int],
     attitudes_us: list[int],
@@ -143,7 +160,10 @@ def _figures(
         ready_us = max(sent_us, attitudes_us[behind]) if behind < len(attitudes_us) else sent_us
         total.append((arrived_us - sent_us) / 1e3)
         software.append((arrived_us - ready_us) / 1e3)
-    before, after = usage
+    before, after = spent
+    frames = after.frames - before.frames
+    if frames < 1:
+        raise LandslopeError(f"the daemon's pipeline made no step in {seconds:g} s: nothing to measure")
     return LatencyFigures(
         *size,
         seconds=seconds,
@@ -153,8 +173,12 @@ def _figures(
         total_p95_ms=_percentile(total, 0.95),
         software_median_ms=statistics.median(software),
         software_p95_ms=_percentile(software, 0.95),
-        cpu_ms_per_frame=(after.cpu_s - before.cpu_s) * 1e3 / len(received),
-        rss_mb=after.rss_bytes / 1e6,
+        cpu_ms_per_frame=(after.process_ms - before.process_ms) / frames,
+        pipeline_ms_per_frame=(after.pipeline_ms - before.pipeline_ms) / frames,
+        parts_ms_per_frame={
+            kind: (ms - before.threads_ms.get(kind, 0.0)) / frames for kind, ms in after.threads_ms.items()
+        },
+        rss_mb=rss_bytes / 1e6,
         growth_mb_per_10_min=growth_per_s / 1e6 * 600,
     )
 

@@ -13,6 +13,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from companion.errors import LandslopeError
 from drivers.bus import Endpoints, Subscription
 from drivers.system.host_clock import now_us
@@ -22,6 +24,15 @@ END_S = 15.0
 
 Received = tuple[int, dict[str, Any]]
 """When an estimate arrived (host clock, us), and the estimate."""
+
+
+class Spent(msgspec.Struct, frozen=True):
+    """Frames until now, and processor time in ms: of the pipeline's steps, of the process, of its kinds of threads."""
+
+    frames: int
+    pipeline_ms: float
+    process_ms: float
+    threads_ms: dict[str, float]
 
 
 class MeasuredDaemon:
@@ -43,13 +54,18 @@ class MeasuredDaemon:
         arguments = [argument for setting in settings for argument in ("--set", setting)]
         with ExitStack() as stack:
             directory = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="landslope-benchmark-")))
+            self._ledger = directory / "ledger.json"
             self._subscription = stack.enter_context(
                 Subscription(Endpoints(listen=(f"tcp/127.0.0.1:{bus}",)), name, ("estimate",))
             )
             log = stack.enter_context((directory / "log").open("wb"))
             self.started = time.monotonic()
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "companion.cli", "run", *arguments],
+                [
+                    sys.executable,
+                    *("-m", "companion.benchmark.timed_daemon", str(self._ledger)),
+                    *("run", *arguments),
+                ],
                 stderr=log,
                 env=os.environ | {"XDG_RUNTIME_DIR": str(directory)},
             )
@@ -84,6 +100,13 @@ class MeasuredDaemon:
             if received is not None:
                 found.append(received)
         return found
+
+    def spent(self) -> Spent:
+        """What it has spent until its newest word, at most a second ago. Raises LandslopeError when it said none."""
+        try:
+            return msgspec.json.decode(self._ledger.read_bytes(), type=Spent)
+        except (OSError, msgspec.DecodeError) as error:
+            raise LandslopeError(f"the daemon did not write down what it costs: {error}") from None
 
     def end(self) -> float:
         """End it by SIGTERM; how many seconds that took."""

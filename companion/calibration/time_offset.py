@@ -14,6 +14,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.clocks.lag import jackknife, minimum, robust_costs
 from companion.core.sync import ReadyFrame, Synchroniser
 from companion.errors import LandslopeError
 from companion.settings.settings import Settings
@@ -95,7 +96,7 @@ def measure_time_offset(
             f"{options.min_swing_rad_s:g} is needed; rock the vehicle by hand or fly back and forth briskly"
         )
     shifts, terms = _search(motion, pairs, camera.body_from_camera, options)
-    offset, at_edge = _minimum(shifts, terms.sum(axis=1))
+    offset, at_edge = minimum(shifts, terms.sum(axis=1))
     if at_edge:
         raise LandslopeError(
             f"no agreement within {options.search_s:g} s: is the mount (camera.mount_*_deg) or the calibration wrong?"
@@ -107,7 +108,7 @@ def measure_time_offset(
             f"the pictures' rotation and the measured one do not go together (correlation {correlation:.2f}, "
             f"{options.min_correlation:g} is needed): is the mount (camera.mount_*_deg) or the calibration wrong?"
         )
-    std = _jackknife(shifts, terms, offset, options.blocks)
+    std = jackknife(shifts, terms, offset, options.blocks)
     if std > options.max_std_s:
         raise LandslopeError(
             f"the offset would be {offset * 1e3:+.1f} ms, but uncertain by {std * 1e3:.1f} ms; more rotation "
@@ -206,32 +207,10 @@ def _search(
     steps = round(options.search_s / options.step_s)
     shifts: Array = np.arange(-steps, steps + 1, dtype=np.float64) * options.step_s
     seen = np.array([pair.turn for pair in pairs])
-    roots = np.linalg.cholesky(np.array([pair.information for pair in pairs]))
-    squares = np.empty((len(shifts), len(pairs)))
-    for row, shift in enumerate(shifts):
-        error = seen - motion.turns(pairs, float(shift), body_from_camera)
-        squares[row] = (np.einsum("nij,ni->nj", roots, error) ** 2).sum(axis=1)
-    scale = np.median(squares[squares.sum(axis=1).argmin()]) + 1e-12
-    return shifts, np.log1p(squares / scale)  # Cauchy: a bad pair has little weight
-
-
-def _minimum(shifts: Array, cost: Array) -> tuple[float, bool]:
-    """The shift of least cost, between the samples by a parabola, and whether it lies at the edge of the search."""
-    k = int(cost.argmin())
-    if k in (0, len(shifts) - 1):
-        return float(shifts[k]), True
-    left, middle, right = cost[k - 1 : k + 2]
-    bend = left - 2 * middle + right
-    part = 0.5 * (left - right) / bend if bend > 0 else 0.0
-    return float(shifts[k] + part * (shifts[1] - shifts[0])), False
-
-
-def _jackknife(shifts: Array, terms: Array, offset: float, blocks: int) -> float:
-    """One sigma of the offset: how it moves when one stretch of the flight after another is left out."""
-    parts = np.array_split(np.arange(terms.shape[1]), blocks)
-    whole = terms.sum(axis=1)
-    without = np.array([_minimum(shifts, whole - terms[:, part].sum(axis=1))[0] for part in parts])
-    return math.sqrt((blocks - 1) / blocks * float(((without - offset) ** 2).sum()))
+    information = np.array([pair.information for pair in pairs])
+    return shifts, robust_costs(
+        lambda shift: seen - motion.turns(pairs, shift, body_from_camera), information, shifts
+    )
 
 
 def _swing(motion: _Motion, pairs: list[_Pair]) -> float:

@@ -9,7 +9,18 @@ from companion.core.consent import Consent
 from companion.messages.events import event
 from companion.messages.messages import Event, ProcedureState
 from companion.settings.settings import Settings
-from landing.decision.orders import NOT_SEEN, Inputs, Order, OrderKind, State, Step, Vector
+from landing.decision.decision import against_motion
+from landing.decision.orders import (
+    NOT_SEEN,
+    STILL,
+    GroundMotion,
+    Inputs,
+    Order,
+    OrderKind,
+    State,
+    Step,
+    Vector,
+)
 from landing.decision.procedure import Procedure
 from landing.decision.procedure_options import ProcedureOptions
 from landing.decision.targeting import Targeting
@@ -22,6 +33,10 @@ from landing.vision.camera import CameraModel
 SPOTS_EVERY_S = 0.2
 """All discs are looked at this often; the chosen one at every frame."""
 VELOCITY_MAX_AGE_S = 0.5
+NEAR_M = 0.8
+"""Ground so near, and as far as it flies in a second, is flown over with room."""
+MOVES_SIGMAS = 2.0
+"""Standard deviations by which the ground must be faster than is landed on, for it to move plainly."""
 BESIDE_M = 0.1
 """Ground beside the disc that the view must hold as well."""
 
@@ -82,6 +97,7 @@ class Approach:
             Procedure(options) if self.kind == "offboard" else Targeting(options)
         )
         self._ground, self._consent = ground, consent
+        self._decision = settings.decision
         self._spots_s = -math.inf
         self._local: tuple[int, Vector] | None = None
         self._reported: Step | None = None
@@ -130,7 +146,9 @@ class Approach:
             velocity_ned=sight.velocity_ned if self._fresh_local(now_us) is not None else None,
             yaw=yaw,
             height_m=sight.height_m,
+            clear_m=ground.clear_m(NEAR_M + math.hypot(*(sight.velocity_ned or STILL)[:2])),
             approach=sight.approach,
+            ground_motion=self._ground_motion(estimate),
             below=ground.at(*sight.place_ned[:2]),
             spots=spots,
             at_spot=NOT_SEEN if place is None else ground.at(*place[:2]),
@@ -155,6 +173,15 @@ class Approach:
         if step.order.kind is not OrderKind.NONE or was is not OrderKind.NONE:
             out.append(Ordered(frame, time_unix_us, step))
         return out
+
+    def _ground_motion(self, estimate: SurfaceEstimate) -> GroundMotion:
+        o = self._decision
+        if not against_motion(estimate, o):
+            return GroundMotion.AT_REST
+        plain = estimate.ground_speed_m_s - MOVES_SIGMAS * estimate.ground_speed_std_m_s
+        if plain > o.max_ground_speed_m_s:
+            return GroundMotion.MOVES
+        return GroundMotion.UNKNOWN if o.at_rest_known else GroundMotion.AT_REST
 
     def _objections(self, now_us: int) -> tuple[Withheld, ...]:
         return tuple(o.code for o in self._consent.objections(now_us, command_busy=False))

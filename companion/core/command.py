@@ -118,6 +118,7 @@ class CommandState:
         self._since_us = 0
         self._holding = False
         self._hold_accepted = False
+        self._mode_heard = self._given_in = ""
 
     @property
     def state(self) -> str:
@@ -132,6 +133,7 @@ class CommandState:
     def request(self, time_us: int) -> list[CommandChange]:
         """A request to land went out."""
         self._holding = self._hold_accepted = False
+        self._given_in = self._mode_heard
         return self._go(Command.REQUESTED, time_us)
 
     def hold(self) -> None:
@@ -187,7 +189,7 @@ class CommandState:
         return []
 
     def _mode(self, mode: str, armed: bool, time_us: int, failsafe: bool) -> list[CommandChange]:
-        lands = mode in LAND_MODES
+        lands, self._mode_heard = mode in LAND_MODES, mode
         if self.code is Command.LANDING:
             if not armed:
                 return self._go(Command.LANDED, time_us)
@@ -199,6 +201,9 @@ class CommandState:
         if self.code is Command.ACCEPTED:
             if self._holding and mode in HOLD_MODES:
                 return self._go(Command.HELD, time_us)
+            if self._given_in and mode not in (self._given_in, *HOLD_MODES):
+                # PX4's HEARTBEAT comes once a second: LAND came and went unseen. HOLD is also where a procedure stops.
+                return self._go(self._who_ended_it(mode, failsafe), time_us)
             if time_us - self._since_us > self._mode_timeout_us:
                 return self._go(Command.NO_MODE_CHANGE, time_us)
         return []

@@ -83,7 +83,7 @@ class Consent:
         v, stale = self.vehicle, self._health.stale(now_us)
         heard = "heartbeat" not in stale
         landed = None if "landed_state" in stale or v.landed is None else v.landed.state
-        age_s = v.radio_age_s(now_us)
+        age_s, wrong = v.radio_age_s(now_us), self._health.standing_codes()
         if self._switch.radio and age_s is not None and age_s > STATUS_MAX_AGE_S:
             stale = (*stale, "system_status")
         gate = Gate(
@@ -96,10 +96,10 @@ class Consent:
             vehicle=v.kind,
             allowed_vehicles=frozenset(name.lower() for name in self._s.vehicle_types),
             stale=stale,
-            two_vehicles=self._health.forbids(Code.TWO_VEHICLES),
-            calibrated=not self._health.forbids(Code.UNCALIBRATED),
-            camera_frozen=self._health.forbids(Code.CAMERA_FROZEN),
-            image_size_wrong=self._health.forbids(Code.IMAGE_SIZE),
+            two_vehicles=Code.TWO_VEHICLES in wrong,
+            calibrated=Code.UNCALIBRATED not in wrong,
+            camera_frozen=Code.CAMERA_FROZEN in wrong,
+            image_size_wrong=Code.IMAGE_SIZE in wrong,
             command_busy=command_busy,
         )
         return objections(self.permission, gate)
@@ -110,8 +110,9 @@ class Consent:
         permission = self.permission
         if permission.phase not in (Phase.STANDING, Phase.USED):
             return str(permission.objection)
-        if self._health.forbids(Code.UNCALIBRATED):
+        wrong = self._health.standing_codes()
+        if Code.UNCALIBRATED in wrong:
             return f"landing is not enabled: {Objection(Withheld.UNCALIBRATED)}"
-        if self._health.forbids(Code.TWO_VEHICLES):
+        if Code.TWO_VEHICLES in wrong:
             return f"landing is not enabled: {Objection(Withheld.TWO_VEHICLES)}"
         return ""

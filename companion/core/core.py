@@ -3,6 +3,9 @@
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from companion.core.approach import Approach, Ordered
 from companion.core.attitude import BodyAttitude
 from companion.core.camera_times import CameraTimes
@@ -11,6 +14,7 @@ from companion.core.estimator_doubt import ASSUMED_VELOCITY_STD
 from companion.core.frozen_camera import FrozenCamera
 from companion.core.ground import GroundReporter
 from companion.core.health import Clocks, HealthMonitor
+from companion.core.mask_watch import MaskWatch
 from companion.core.recurring_events import RecurringEvents
 from companion.core.sync import Notice, ReadyFrame, Synchroniser
 from companion.messages.conditions import Condition
@@ -38,6 +42,8 @@ class Processed:
 
     frame: Frame
     estimate: SurfaceEstimate
+    mask: NDArray[np.bool_] | None = None
+    """Pixels (height, width) that do not show the ground."""
 
 
 Output = Message | LandRequest | Processed | Ordered
@@ -74,6 +80,7 @@ class Core:
     ``by_pilot``: the pilot's switch gives the permission, as in flight, and an uncalibrated camera withholds it;
     otherwise ``landing.enabled`` and ``set_enabled`` give it.
     ``monotonic``: nobody sets the clock that stamps arrivals, as the live daemon's.
+    ``fixed``: pixels (height, width) that an earlier flight found to stand still in the picture.
     """
 
     def __init__(
@@ -85,6 +92,7 @@ class Core:
         telemetry: bool,
         by_pilot: bool = False,
         monotonic: bool = False,
+        fixed: NDArray[np.bool_] | None = None,
     ) -> None:
         self._camera = camera
         self._calibrated = calibrated
@@ -92,11 +100,13 @@ class Core:
         self._pipeline = SurfacePipeline(
             camera, Options(settings.tracking, settings.estimator, settings.decision, settings.ground)
         )
+        if settings.camera.learn_mask:
+            self._pipeline.find_fixed(fixed)
+        self._masked = MaskWatch(camera)
         self._ground = GroundReporter(self._pipeline.ground)
         self._sync = Synchroniser(settings, telemetry, monotonic)
         self._health = HealthMonitor(settings.health, telemetry)
         self._health.calibrated = calibrated
-        self._health.masked = 0.0 if camera.mask is None else float(camera.mask.mean())
         self._frozen = FrozenCamera(settings.health, camera)
         self._logic = DecisionLogic(
             settings,
@@ -136,6 +146,12 @@ class Core:
     def under_way(self) -> tuple[Disc, Disc]:
         """The ground map's answer, see ``GroundBelow``."""
         return self._pipeline.ground.under_way()
+
+    @property
+    def fixed(self) -> NDArray[np.bool_] | None:
+        """Pixels (height, width) found to stand still in the picture; None where they are not looked for."""
+        found = self._pipeline.fixed
+        return None if found is None else found.mask
 
     def set_standing(self, conditions: tuple[Condition, ...]) -> None:
         """Conditions that stand outside of the core (recording, clock, two vehicles), until others are set."""
@@ -221,13 +237,14 @@ class Core:
         estimate = self._pipeline.step(observation)
         self._sync.allow_for(self._pipeline.time_offset.late_s, self._pipeline.time_offset.std_s)
         self._watch_contradictions(ready, out)
+        out += self._masked.step(frame.number, ready.exposure_us)
         if self._watch_picture(observation, ready, out):
             self._pipeline.ground.forget()
             estimate = SurfaceEstimate(frame.number, estimate.time_s, "camera_frozen", estimate.method)
         self._health.counters[f"estimates {estimate.status}"] += 1
         boot_s = None if ready.boot_us is None else ready.boot_us * 1e-6
         out.append(estimate_message(estimate, ready.exposure_us, boot_s, self._calibrated))
-        out.append(Processed(frame, estimate))
+        out.append(Processed(frame, estimate, self._camera.mask))
         out += self._ground.step(estimate, ready.exposure_us, boot_s)
         self._seen = ready.time_us, self._sync.now_us
         out += self._logic.see(estimate, self._sync.now_us, ready.exposure_us, _yaw(observation))
@@ -315,6 +332,7 @@ class Core:
             out += self._times.step(now_us * 1e-6, self._frame_number, raw_us, contradicted)
             late_std_s = None if found.at_bound else found.std_s
             clocks = Clocks(offset_s, clock.std_s, found.late_s, late_std_s, *self._times.readout)
+        self._health.masked = self._masked.share
         self._health.readout_unknown = self._health.telemetry and self._times.readout_unknown
         out.append(self._health.message(now_us, raw_us, clocks))
 

@@ -139,7 +139,7 @@ class HealthMonitor:
         """What size the pictures have where it is not the calibration's; empty while it is."""
         self.calibrated = True
         self.masked = 0.0
-        """Share of the picture that ``camera.mask`` covers."""
+        """Share of the picture that is masked."""
         self.readout_unknown = False
         self.radio_lost = False
         self.standing: tuple[Condition, ...] = ()
@@ -190,9 +190,9 @@ class HealthMonitor:
             found.append(condition(Code.CLOCKS_UNRELATED))
         return gravest_first(found)
 
-    def forbids(self, code: Code) -> bool:
-        """Whether this condition stands now; it forbids a landing whatever the surface is like."""
-        return any(c.code == code for c in self._constant())
+    def standing_codes(self) -> frozenset[str]:
+        """Codes of the conditions that stand now beside those of the inputs' ages: some forbid any landing."""
+        return frozenset(c.code for c in self._constant())
 
     def _of_inputs(self, now_us: int) -> Iterator[Condition]:
         for name in self._expected:
@@ -261,6 +261,7 @@ class HealthMonitor:
             camera_late_std_s=_rounded(clocks.late_std_s),
             camera_readout_s=_rounded(clocks.readout_s),
             camera_readout_std_s=_rounded(clocks.readout_std_s),
+            camera_masked=round(self.masked, 4),
             pipeline_ms=None,
             conditions=conditions,
         )

@@ -1,15 +1,20 @@
 """The camera before a flight: does it open, how fast and even is it, is the picture sharp, lit and textured."""
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from companion.core.camera_model import camera_model
+from companion.core.health import LARGE_MASK
 from companion.doctor.findings import DoctorOptions, Finding, Level
 from companion.errors import LandslopeError
+from companion.live.kept_mask import KeptMask
 from companion.settings.settings import Settings
 from drivers.cameras import Camera, CameraFormat, ReaderLimits, open_camera
 from drivers.errors import DriverError
+from drivers.files.picture_mask import read_mask
 from drivers.samples import Frame, Refusal
 from landing.vision.tracking import FeatureTracker
 
@@ -62,6 +67,7 @@ class CameraExamination:
             remedy = (status.remedy if status is not None else "") or "check cable, power and camera.source"
             return [Finding("camera", "failure", fault, remedy)]
         findings = [self._opened(), self._rate(), self._exposure(), self._sharpness(), self._calibration()]
+        findings += self._mask()
         if self._refused:
             reasons = sorted({refusal.reason.words for refusal in self._refused})
             text = f"{len(self._refused)} frames refused: {', '.join(reasons)}"
@@ -155,6 +161,28 @@ class CameraExamination:
             else "over ground with texture there must be more: check focus, light and exposure"
         )
         return Finding("sharpness", level, text, remedy)
+
+    def _mask(self) -> list[Finding]:
+        """What of the picture does not show the ground: as set, and as earlier flights found."""
+        image, camera = self._image, self._settings.camera
+        assert image is not None
+        height, width = image.shape
+        try:
+            given = read_mask(Path(camera.mask), width, height) if camera.mask else None
+        except DriverError as error:
+            return [Finding("mask", "failure", str(error))]
+        kept = KeptMask(camera)
+        found = kept.load(width, height) if camera.learn_mask else None
+        texts = [] if given is None else [f"camera.mask covers {given.mean():.0%} of the picture"]
+        texts += [] if found is None else [f"{found.mean():.0%} stood still in earlier flights ({kept.path})"]
+        if not texts:
+            return []
+        masks = [mask for mask in (given, found) if mask is not None]
+        share = float(np.logical_or.reduce(masks).mean())
+        if share > LARGE_MASK:
+            remedy = "move the camera, clean the lens, or delete the file if it is of another vehicle"
+            return [Finding("mask", "warning", "; ".join(texts), remedy)]
+        return [Finding("mask", "ok", "; ".join(texts))]
 
     def _calibration(self) -> Finding:
         image = self._image

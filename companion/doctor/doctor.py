@@ -6,7 +6,9 @@ from collections.abc import Iterator
 from companion.doctor.camera import CameraExamination
 from companion.doctor.findings import DoctorOptions, Finding
 from companion.doctor.link import LinkExamination
-from companion.doctor.system import disk_findings, instance_findings, settings_findings, zenoh_findings
+from companion.doctor.running import running, running_findings
+from companion.doctor.system import disk_findings, settings_findings, zenoh_findings
+from companion.settings.settings import Settings
 from companion.settings.settings_file import LoadedSettings
 
 LOOK_S = 0.1
@@ -15,11 +17,27 @@ LOOK_S = 0.1
 def examine(
     loaded: LoadedSettings, seconds: float, options: DoctorOptions | None = None
 ) -> Iterator[Finding]:
-    """Look at everything; camera and link are watched side by side for ``seconds``."""
+    """Look at everything; camera and link are watched side by side for ``seconds``, unless a landslope has them."""
     options = options or DoctorOptions()
     settings = loaded.settings
     yield from _guarded("settings", settings_findings(loaded))
-    yield from _guarded("service", instance_findings(settings))
+    others = False
+    try:
+        service = running(settings)
+        if service is not None:
+            others = True
+            yield from running_findings(service)
+    except OSError as error:
+        others = True
+        yield _closed("service", error)
+    if not others:
+        yield from _camera_and_link(settings, seconds, options)
+    yield from _guarded("disk", disk_findings(settings))
+    if not others:
+        yield from _guarded("zenoh", zenoh_findings(settings))
+
+
+def _camera_and_link(settings: Settings, seconds: float, options: DoctorOptions) -> Iterator[Finding]:
     camera = CameraExamination(settings, options)
     link = LinkExamination(settings, options)
     try:
@@ -35,8 +53,6 @@ def examine(
     finally:
         camera.close()
         link.close()
-    yield from _guarded("disk", disk_findings(settings))
-    yield from _guarded("zenoh", zenoh_findings(settings))
 
 
 def _guarded(subject: str, findings: Iterator[Finding]) -> Iterator[Finding]:
@@ -44,5 +60,9 @@ def _guarded(subject: str, findings: Iterator[Finding]) -> Iterator[Finding]:
     try:
         yield from findings
     except OSError as error:
-        remedy = "look as the service's user: sudo -u landslope, or join the group 'landslope'"
-        yield Finding(subject, "failure", f"{error.filename or 'a file'}: {error.strerror or error}", remedy)
+        yield _closed(subject, error)
+
+
+def _closed(subject: str, error: OSError) -> Finding:
+    remedy = "look as the service's user: sudo -u landslope, or join the group 'landslope'"
+    return Finding(subject, "failure", f"{error.filename or 'a file'}: {error.strerror or error}", remedy)

@@ -1,9 +1,7 @@
-"""The machine before a flight: settings' files, another landslope, the disk, zenoh."""
+"""The machine before a flight: settings' files, the disk, zenoh."""
 
-import fcntl
 import os
 import shutil
-import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,9 +15,7 @@ from drivers.bus import Bus
 from drivers.errors import DriverError
 from drivers.secrets import is_key
 
-LOCK_DIRECTORIES = ("/run/landslope",)
-"""Where the service's lock lies; a landslope started by hand has it elsewhere."""
-
+SERVICE_USER = "landslope"
 MB = 1_000_000
 ZENOH_WAIT_S = 2.0
 
@@ -68,19 +64,6 @@ def _key_findings(loaded: LoadedSettings) -> Iterator[Finding]:
         yield Finding("signing key", "ok", what)
 
 
-def instance_findings(settings: Settings) -> Iterator[Finding]:
-    """Another landslope of the same vehicle holds the camera and the link."""
-    directories = (*LOCK_DIRECTORIES, os.environ.get("XDG_RUNTIME_DIR", ""), tempfile.gettempdir())
-    for directory in filter(None, directories):
-        lock = Path(directory) / f"landslope-{settings.vehicle.name}.lock"
-        if _held(lock):
-            remedy = "for a full look stop it: systemctl stop landslope"
-            yield Finding(
-                "service", "warning", f"landslope runs already ({lock}): camera and link may be busy", remedy
-            )
-            return
-
-
 def disk_findings(settings: Settings) -> Iterator[Finding]:
     """Whether flights can be recorded."""
     record = settings.record
@@ -90,6 +73,10 @@ def disk_findings(settings: Settings) -> Iterator[Finding]:
     directory = Path(record.directory)
     there = next((path for path in (directory, *directory.parents) if path.exists()), Path("/"))
     if not there.is_dir() or not os.access(there, os.W_OK | os.X_OK):
+        if there.is_dir() and os.geteuid() != there.stat().st_uid and there.owner() == SERVICE_USER:
+            text = f"{directory} belongs to {SERVICE_USER}: whether it can be written shows as that user"
+            yield Finding("disk", "warning", text, f"look as the service's user: sudo -u {SERVICE_USER}")
+            return
         remedy = "give it to the service's user: chown landslope, or choose another record.directory"
         yield Finding("disk", "failure", f"{directory} cannot be written", remedy)
         return
@@ -138,18 +125,3 @@ def zenoh_findings(settings: Settings) -> Iterator[Finding]:
             yield Finding("zenoh", "ok", text if not lonely else f"{text}: nobody listens yet")
     finally:
         bus.close()
-
-
-def _held(lock: Path) -> bool:
-    """Whether another process holds a lock file."""
-    try:
-        descriptor = os.open(lock, os.O_RDONLY)
-    except OSError:
-        return False
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    finally:
-        os.close(descriptor)
-    return False

@@ -1,5 +1,6 @@
 """What 'landslope install' does, as a list of steps that can be shown before any of them is taken."""
 
+import grp
 import json
 import os
 import shutil
@@ -31,6 +32,8 @@ SETTINGS_FILES = ("landslope.toml", "zenoh.json5")
 """Written once; later only their examples beside them."""
 
 STATE_DIRECTORY = Path("/var/lib/landslope")
+DEBIAN_PACKAGE = Path("/var/lib/dpkg/info/landslope.list")
+"""There while the Debian package is installed, whose files lie elsewhere."""
 USER = "landslope"
 """Made by the sysusers file, with a group of the same name that goes with it."""
 COMMAND_TIMEOUT_S = 1800
@@ -114,6 +117,7 @@ def uninstall_steps(options: InstallOptions, purge: bool) -> Iterator[Step]:
         yield _remove(STATE_DIRECTORY, options)
         if options.root is None:
             yield _tolerated(_command("userdel", USER), "the user stays")
+            yield Step(f"remove the group {USER}, which users may have joined", _remove_group)
     if options.root is None and systemd_runs():
         yield _command("systemctl", "daemon-reload")
         yield _tolerated(_command("udevadm", "control", "--reload"))
@@ -136,6 +140,11 @@ def check_rights(options: InstallOptions) -> None:
     if options.root is None and os.geteuid() != 0:
         raise LandslopeError(
             "installing on this machine needs root: use sudo; --dry-run shows what would be done"
+        )
+    if options.root is None and DEBIAN_PACKAGE.exists():
+        raise LandslopeError(
+            "landslope is installed here as a Debian package: upgrade it with 'apt install ./landslope_*.deb', "
+            "take it off with 'apt remove landslope' or 'apt purge landslope'"
         )
     if not options.prefix.is_absolute():
         raise LandslopeError(f"--prefix {options.prefix}: give an absolute path, as {DEFAULT_PREFIX}")
@@ -252,6 +261,15 @@ def _tolerated(step: Step, otherwise: str = "it takes effect at the next boot") 
             print(f"  {error}; {otherwise}", flush=True)
 
     return Step(step.text, act)
+
+
+def _remove_group() -> None:
+    """userdel leaves the user's group where others have joined it."""
+    try:
+        grp.getgrnam(USER)
+    except KeyError:
+        return
+    _tolerated(_command("groupdel", USER), "the group stays").act()
 
 
 def _is_ours(prefix: Path) -> bool:

@@ -16,6 +16,7 @@ from companion.core.landing_watch import LandingWatch
 from companion.errors import LandslopeError
 from companion.live.commander import TOO_LATE, Commander
 from companion.live.inputs import Inputs
+from companion.live.kept_mask import KeptMask
 from companion.live.live_pipeline import LivePipeline
 from companion.live.overload import Overload
 from companion.live.publisher import Publisher
@@ -70,6 +71,7 @@ class Daemon:
         self._inputs, self._inbox = inputs, inputs.inbox
         self._link, self._camera = inputs.link, inputs.camera
         self._estimate_us = 0
+        self._camera_now = inputs.camera.status()
         self._overload = Overload()
         self._date, self._look, self._look_at = Date(), look, 0.0
         self.failed = ""
@@ -81,7 +83,9 @@ class Daemon:
             stack.callback(self.service.close)
             self.recording = FlightRecording(settings)
             stack.callback(self.recording.close)
-            self.pipeline = LivePipeline(settings, self._output, self._conditions, self.counters)
+            self.pipeline = LivePipeline(
+                settings, self._output, self._conditions, self.counters, KeptMask(settings.camera)
+            )
             self._report = GroundReport(settings.mavlink, self.pipeline.body_from_camera)
             self._watch = LandingWatch(settings.landing, settings.decision.dwell_s, self.pipeline)
             self._publisher = stack.enter_context(Publisher(settings, retry=True))
@@ -164,7 +168,7 @@ class Daemon:
             self.pipeline.feed(samples)
         else:
             self.pipeline.tick(now_us())
-        if self._camera.status().stuck and not self.failed:
+        if self._camera_now.stuck and not self.failed:
             self.failed = "every read of the camera hangs in its driver; only a new process can open it again"
             self.pipeline.report(DriverEvent("camera_stuck", "error", self.failed, now_us()))
             self.stop()
@@ -214,7 +218,9 @@ class Daemon:
             if self._steering is not None and not self._inputs.stopped.is_set():
                 self._steering.carry_out(output.order, output.time_unix_us)
         elif isinstance(output, Processed):
-            self._preview.put(output.frame, output.estimate, self._estimate_us + self._date.offset_us)
+            self._preview.put(
+                output.frame, output.estimate, self._estimate_us + self._date.offset_us, output.mask
+            )
             self.recording.processed(output)
         else:
             self._message(output)
@@ -235,6 +241,8 @@ class Daemon:
             message = msgspec.structs.replace(message, recording=recording)
             self.service.status("; ".join(message.problems) or "all well")
         dated = self._date.dated(message)
+        if isinstance(dated, Health):
+            self._inputs.health_file.write(msgspec.json.encode(dated))  # for the doctor
         self._publisher.publish(dated)
         self.recording.message(dated)
         if self._link is not None:
@@ -264,7 +272,7 @@ class Daemon:
                 found.append(condition(Code.RATE_TOO_LOW, name, f"{hz:.1f} Hz of {wanted[name]:g}"))
             if self._link.unsigned_only:
                 found.append(condition(Code.UNSIGNED))
-        status = self._camera.status()
+        status = self._camera_now = self._camera.status()
         overloaded = self._overload.step(now_us(), status.delivered, status.skipped)
         if overloaded is not None:
             found.append(overloaded)

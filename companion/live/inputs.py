@@ -11,7 +11,8 @@ from companion.settings.settings import Settings
 from drivers.cameras import Camera, CameraFormat, ReaderLimits, open_camera
 from drivers.cameras.interface import Notify
 from drivers.mavlink.link import Link
-from drivers.system.single_instance import SingleInstance
+from drivers.system.single_instance import SingleInstance, health_path
+from drivers.system.state_file import StateFile
 
 OpenCamera = Callable[[Notify], Camera]
 
@@ -28,7 +29,8 @@ class Inputs:
         self.inbox = Inbox()
         self.link: Link | None = None
         with ExitStack() as stack:
-            stack.enter_context(SingleInstance(settings.vehicle.name))
+            instance = stack.enter_context(SingleInstance(settings.vehicle.name))
+            self.health_file = stack.enter_context(StateFile(health_path(instance.path)))
             if settings.mavlink.connection:
                 self.link = Link(link_options(settings), self.inbox.put, self.inbox.report)
                 self.link.start()

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from companion.core.camera_model import camera_model
 from companion.core.core import Core, Output, Processed
 from companion.live.event_rate import EventRate
+from companion.live.kept_mask import KeptMask
 from companion.messages.conditions import Condition
 from companion.messages.messages import Event, Health
 from companion.settings.settings import Settings
@@ -37,7 +38,7 @@ class LivePipeline:
     """Feeds the core and hands its outputs to ``on_output``, in order.
 
     ``conditions()`` are those that stand outside of the core, asked at every turn; ``counters()`` are added to the
-    health that is published.
+    health that is published. ``kept_mask`` keeps what stands still in the picture for the next start.
     """
 
     def __init__(
@@ -46,8 +47,10 @@ class LivePipeline:
         on_output: Handler,
         conditions: Callable[[], tuple[Condition, ...]] = tuple,
         counters: Counters = dict,
+        kept_mask: KeptMask | None = None,
     ) -> None:
         self._settings = settings
+        self._kept = kept_mask
         self._on_output = on_output
         self._conditions = conditions
         self._counters = counters
@@ -81,6 +84,7 @@ class LivePipeline:
             self._hand_on(outputs, started)
         if samples:
             self._let_pass(self._events.step(samples[-1].arrival_us))
+            self._keep(samples[-1].arrival_us)
 
     def tick(self, now_us: int) -> None:
         """Time passed without a sample."""
@@ -121,6 +125,11 @@ class LivePipeline:
         """The end: what still waits is processed."""
         self._hand_on(self._core.finish(), time.perf_counter())
         self._let_pass(self._events.finish())
+        self._keep(0, always=True)
+
+    def _keep(self, now_us: int, always: bool = False) -> None:
+        if self._kept is not None:
+            self._kept.save(self._core.fixed, now_us, always)
 
     def _new_core(self) -> Core:
         self._camera, self._calibrated = camera_model(self._settings.camera, *self._size)
@@ -132,6 +141,7 @@ class LivePipeline:
             telemetry=telemetry,
             by_pilot=True,
             monotonic=True,
+            fixed=None if self._kept is None else self._kept.load(*self._size),
         )
 
     def _fit(self, frame: Frame) -> None:
@@ -146,6 +156,8 @@ class LivePipeline:
         self._core.set_standing(self._conditions())
 
     def _hand_on(self, outputs: list[Output], started: float) -> None:
+        if not outputs:
+            return  # as of nearly every sample of telemetry
         if any(isinstance(output, Processed) for output in outputs):
             self.estimated_at = time.monotonic()
             self._times_ms.append((time.perf_counter() - started) * 1e3)

@@ -85,7 +85,7 @@ KINDS = {
     ),
     Code.MASK_LARGE: Kind(
         "warning",
-        "camera: camera.mask covers {detail} of the picture; move the camera or what stands in its view",
+        "camera: {detail} of the picture does not show the ground; move the camera, clean the lens, or see camera.mask",
     ),
     Code.RECORDING_STOPPED: Kind("warning", "not recording: {detail}"),
     Code.CLOCK_WITHOUT_DATE: Kind("warning", "clock: the date is not known"),

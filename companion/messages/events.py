@@ -23,6 +23,8 @@ EVENTS = {
     "readout_found": ("warning", "the camera has a rolling shutter that is not set; it is allowed for"),
     "camera_frozen": ("error", "the picture stands still while the vehicle turns"),
     "camera_moves": ("info", "the picture moves again"),
+    "mask_grown": ("info", "a part of the picture stands still while the ground moves; it is masked"),
+    "mask_shrunk": ("info", "a part of the picture moves with the ground after all; it is used again"),
     "rotation_contradicts": (
         "error",
         "the picture does not turn as the gyro does: check the camera's mount angles, a mirrored or rotated picture, "
@@ -92,6 +94,8 @@ REPEATING = frozenset(
         "camera_late",
         "camera_frozen",
         "camera_moves",
+        "mask_grown",
+        "mask_shrunk",
         "rotation_contradicts",
         "velocity_contradicts",
         "lateness_contradicts",

@@ -151,6 +151,9 @@ class Health(msgspec.Struct, frozen=True, kw_only=True):
         about("rolling shutter readout, estimated in flight; null until settled, or if set", "s"),
     ] = None
     camera_readout_std_s: Annotated[float | None, about("standard deviation of camera_readout_s", "s")] = None
+    camera_masked: Annotated[
+        float | None, about("share of the picture that is masked: camera.mask and what stands still in it")
+    ] = None
     date_source: Annotated[
         str | None,
         about(

@@ -1,11 +1,13 @@
 """A small picture with the tracks on it, for whoever watches: published only while somebody subscribes."""
 
+import math
 from typing import Annotated, Any
 
 import cv2
 import msgspec
 import numpy as np
 import zenoh
+from numpy.typing import NDArray
 
 from companion.messages.messages import about
 from companion.settings.settings import PreviewSettings
@@ -14,6 +16,8 @@ from drivers.samples import Frame
 from landing.estimate import SurfaceEstimate
 
 _MICROSECONDS = 1_000_000
+_HATCH = 12
+"""Distance of the lines over masked parts, px."""
 
 
 class Preview(msgspec.Struct, frozen=True, kw_only=True):
@@ -29,6 +33,10 @@ class Preview(msgspec.Struct, frozen=True, kw_only=True):
         about("each track's place before (x, y) and now (x, y), raw image", "px"),
     ]
     inlier: Annotated[tuple[bool, ...], about("for each track: whether it moves as the plane says")]
+    relief: Annotated[
+        tuple[float | None, ...],
+        about("for each track: height over the plane, over the distance along the axis; null: unknown"),
+    ] = ()
 
 
 def overlay(frame: Frame, estimate: SurfaceEstimate, time_unix_us: int, max_tracks: int) -> Preview:
@@ -37,12 +45,15 @@ def overlay(frame: Frame, estimate: SurfaceEstimate, time_unix_us: int, max_trac
     height, width = frame.image.shape[:2]
     rows: tuple[tuple[float, float, float, float], ...] = ()
     inlier: tuple[bool, ...] = ()
+    relief: tuple[float | None, ...] = ()
     if tracks is not None and len(tracks.current_px):
         step = max(1, -(-len(tracks.current_px) // max_tracks))
         pixels = np.hstack([tracks.previous_px, tracks.current_px])[::step]
         drawable = np.isfinite(pixels).all(axis=1)
         rows = tuple((x0, y0, x1, y1) for x0, y0, x1, y1 in pixels[drawable].round(1).tolist())
         inlier = tuple(tracks.inlier[::step][drawable].tolist())
+        heights = tracks.height[::step][drawable].tolist()
+        relief = tuple(round(h, 4) if math.isfinite(h) else None for h in heights)
     return Preview(
         frame=frame.number,
         time_unix_us=time_unix_us,
@@ -51,7 +62,17 @@ def overlay(frame: Frame, estimate: SurfaceEstimate, time_unix_us: int, max_trac
         status=estimate.status,
         tracks=rows,
         inlier=inlier,
+        relief=relief,
     )
+
+
+def shaded(image: NDArray[np.uint8], mask: NDArray[np.bool_] | None) -> NDArray[np.uint8]:
+    """The picture (height, width) with what is masked darkened and hatched."""
+    if mask is None or mask.shape != image.shape:
+        return image
+    rows, columns = image.shape
+    hatch = (np.arange(rows)[:, None] + np.arange(columns)) % _HATCH < _HATCH // 4
+    return np.where(mask, np.where(hatch, 160, image // 3), image).astype(np.uint8)
 
 
 def jpeg(image: np.ndarray, width_px: int, quality: int) -> bytes:
@@ -89,14 +110,23 @@ class PreviewPublisher:
         self._settings = settings
         self._period_us = round(_MICROSECONDS / settings.rate_hz)
 
-    def put(self, frame: Frame, estimate: SurfaceEstimate, time_unix_us: int) -> bool:
-        """Publish the frame if somebody watches and a picture is due; returns whether it was published."""
+    def put(
+        self,
+        frame: Frame,
+        estimate: SurfaceEstimate,
+        time_unix_us: int,
+        mask: NDArray[np.bool_] | None = None,
+    ) -> bool:
+        """Publish the frame if somebody watches and a picture is due; returns whether it was published.
+
+        ``mask`` (height, width) is shaded.
+        """
         if self._publisher is None:
             self._declare()
         if not self.watched or not self._is_due(frame.arrival_us):
             return False
         settings = self._settings
-        picture = jpeg(frame.image, settings.width_px, settings.jpeg_quality)
+        picture = jpeg(shaded(frame.image, mask), settings.width_px, settings.jpeg_quality)
         drawn = msgspec.json.encode(overlay(frame, estimate, time_unix_us, settings.max_tracks))
         try:
             self._publisher.put(picture, attachment=drawn)

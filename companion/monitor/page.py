@@ -14,6 +14,7 @@ from companion.monitor.charts import CHARTS, chart_svg
 from companion.monitor.elements import MOST_WORDS, card, heading, label, lines_of
 from companion.monitor.feed import Feed
 from companion.monitor.fleet import View, card_html, view_of
+from companion.monitor.ground_mesh import mesh_of, pose_of
 from companion.monitor.ground_view import ground_svg
 from companion.monitor.health_card import HealthCard
 from companion.monitor.help import EMPTY
@@ -24,13 +25,17 @@ from companion.monitor.tracks import counts, tracks_svg
 
 HERE = Path(__file__).parent
 CSS = (HERE / "style.css").read_text()
-THEME = (HERE / "theme.js").read_text()
+SCRIPTS = "".join(f"<script>{(HERE / name).read_text()}</script>" for name in ("theme.js", "ground3d.js"))
 CHART_PERIOD_S = 1.0
 FLEET_PERIOD_S = 0.5
 MOST_CARDS = 60
 MOST_EVENTS = 7
 GROUND_LEGEND = (
     "Green landable, orange measured, red disputed, grey unknown; dashed: where it would come down."
+)
+MESH_WORDS = "the ground map in 3D, the vehicle above it; arrow keys turn it"
+MESH_LEGEND = (
+    "Orange is higher, blue lower than the ground around, full colour at 0.3 m. Drag or arrow keys turn it."
 )
 FIGURES = (
     ("height_m", "height over the surface"),
@@ -52,6 +57,8 @@ class Page:
         self._feed = feed
         self._chosen = chosen
         self._shown_picture: bytes = b""
+        self._shown_ground: dict[str, Any] | None = None
+        self._shown_map: dict[str, Any] | None = None
         self._charts_due_s = self._fleet_due_s = 0.0
         self._back_s = 0.0
         self._buttons: list[tuple[Any, Any]] = []
@@ -59,7 +66,7 @@ class Page:
         self._dismissed: dict[str, float] = {}
         self._silent: list[tuple[str, float]] = []
         ui.add_css(CSS)
-        ui.add_body_html(f"<script>{THEME}</script>")
+        ui.add_body_html(SCRIPTS)
         self._build()
         self.refresh()
         ui.timer(1 / watch.options.refresh_hz, self.refresh)
@@ -143,6 +150,11 @@ class Page:
         with card("Ground from above") as self._ground_card:
             self._ground = ui.html("", sanitize=False).props("id=ground")
             ui.label(GROUND_LEGEND).classes("small")
+        with card("Ground in 3D") as self._mesh_card:
+            self._mesh = ui.element("canvas").props(
+                f'id=ground3d tabindex=0 role=img aria-label="{MESH_WORDS}"'
+            )
+            ui.label(MESH_LEGEND).classes("small")
         with card("Permission and command") as permission:
             ui.label("permission to land").classes("label")
             self._permission = label("words", "permission")
@@ -177,6 +189,7 @@ class Page:
                     self._charts[chart.name] = ui.html("", sanitize=False).props(f"id=chart-{chart.name}")
         self._cards = [now, scene, camera, permission, health, events, timeline, charts]
         self._ground_card.set_visibility(False)
+        self._mesh_card.set_visibility(False)
 
     def _show_alarm(self, view: View) -> None:
         lines = []
@@ -256,9 +269,23 @@ class Page:
         drawn = ground_svg(vehicle.ground, vehicle.ground_map, words.steered(decision), vehicle.path)
         self._ground_card.set_visibility(bool(drawn))
         self._ground.set_content(drawn)
+        self._show_mesh(vehicle)
         self._permission.set_text(words.clipped(words.permission(decision)))
         self._command.set_text(words.clipped(words.command(decision)))
         self._procedure.set_text(words.clipped(words.procedure(decision)))
+
+    def _show_mesh(self, vehicle: Vehicle) -> None:
+        """The mesh is sent when there is a new map, the vehicle's place with every ground message."""
+        if vehicle.ground is self._shown_ground:
+            return
+        self._shown_ground = vehicle.ground
+        given = {"data-pose": pose_of(vehicle.ground)}
+        if vehicle.ground_map is not self._shown_map:
+            self._shown_map = vehicle.ground_map
+            given["data-map"] = mesh_of(vehicle.ground, vehicle.ground_map)
+        self._mesh.props.update(given)
+        self._mesh.update()
+        self._mesh_card.set_visibility(bool(given["data-pose"] and self._mesh.props.get("data-map")))
 
     def _show_events(self, events: list[Event]) -> None:
         lines = [

@@ -1,10 +1,14 @@
-"""The tracks over the preview, as SVG: inliers, and outliers in another colour and shape."""
+"""The tracks over the preview, as SVG: relief as colour, and outliers in another colour and shape."""
 
+import itertools
 import math
 
 from companion.messages.preview import Preview
 
-INLIER, OUTLIER = "#00e05a", "#ff3b3b"
+INLIER, OUTLIER = "#00e05a", "#ff9f1a"
+LEVEL, LOW, HIGH = (0, 224, 90), (50, 120, 255), (255, 40, 40)
+RELIEF = 0.04
+"""Height over the plane, over the distance, from which a colour is full."""
 LARGEST_PX = 100_000.0
 MOST_TRACKS = 1000
 
@@ -14,12 +18,17 @@ def tracks_svg(preview: Preview) -> str:
     stroke = max(1.0, preview.width / 320)
     paths: dict[bool, list[str]] = {True: [], False: []}
     dots: list[str] = []
-    for (x0, y0, x1, y1), inlier in list(zip(preview.tracks, preview.inlier, strict=False))[:MOST_TRACKS]:
+    relief = itertools.chain(preview.relief, itertools.repeat(None))
+    for (x0, y0, x1, y1), inlier, height in list(
+        zip(preview.tracks[:MOST_TRACKS], preview.inlier, relief, strict=False)
+    ):
         if not all(math.isfinite(v) and abs(v) < LARGEST_PX for v in (x0, y0, x1, y1)):
             continue
         paths[inlier].append(f"M{x0:.1f} {y0:.1f}L{x1:.1f} {y1:.1f}")
         if inlier:
-            dots.append(f'<circle cx="{x1:.1f}" cy="{y1:.1f}" r="{1.6 * stroke:.1f}" fill="{INLIER}"/>')
+            dots.append(
+                f'<circle cx="{x1:.1f}" cy="{y1:.1f}" r="{2.2 * stroke:.1f}" fill="{_colour(height)}"/>'
+            )
         else:
             r = 2.2 * stroke
             paths[False].append(
@@ -30,6 +39,14 @@ def tracks_svg(preview: Preview) -> str:
         for kind, colour in ((True, INLIER), (False, OUTLIER))
     )
     return lines + "".join(dots)
+
+
+def _colour(height: float | None) -> str:
+    """Blue for what lies lower than the plane, green on it or unknown, red higher."""
+    if height is None or not math.isfinite(height):
+        return INLIER
+    share, end = min(1.0, abs(height) / RELIEF), HIGH if height > 0 else LOW
+    return "#" + "".join(f"{round(a + share * (b - a)):02x}" for a, b in zip(LEVEL, end, strict=True))
 
 
 def counts(preview: Preview) -> str:

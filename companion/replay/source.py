@@ -6,9 +6,11 @@ from pathlib import Path
 
 from companion.core.camera_model import camera_model
 from companion.errors import LandslopeError
+from companion.replay.log_offset import align_log
 from companion.settings.settings import Settings
 from companion.settings.settings_file import DEFAULT, load
-from drivers.files.flight_folder import FlightFolder, log_in
+from drivers.files.autopilot_log import AutopilotLog
+from drivers.files.flight_folder import FlightFolder, at_the_start, by_round_trips, log_in
 from drivers.files.video_file import open_pictures
 from drivers.samples import Sample
 from landing.vision.camera import CameraModel
@@ -16,7 +18,9 @@ from landing.vision.camera import CameraModel
 SETTINGS_FILE = "landslope.toml"
 ATTITUDES_A_GAP = 2
 """Attitudes that must come within sync.attitude_max_gap_s, so that the loss of one is bridged."""
-FLIGHT_FILES = ("frames.csv", "vehicle.tlog", "vehicle.ulg", SETTINGS_FILE)
+FLIGHT_FILES = ("frames.csv", "vehicle.tlog", "vehicle.ulg", "vehicle.bin", SETTINGS_FILE)
+TLOG_RATE = "a telemetry radio carries no more, record on the companion (record.directory)"
+LOG_RATE = "log it faster (ArduPilot: bit 0 of LOG_BITMASK; PX4: SDLOG_PROFILE)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,23 +90,38 @@ def _flight(path: Path, config: Path | None, overrides: tuple[str, ...], plain: 
     if loaded.origins["camera.calibration"] == DEFAULT and beside.exists():
         settings = replace(settings, camera=replace(settings.camera, calibration=str(beside)))
     log = log_in(path)
-    folder = FlightFolder(
-        path,
-        system_id=0 if log is not None else settings.vehicle.system_id,  # a log is of one vehicle
-        component_id=settings.mavlink.autopilot_component,
-        telemetry=log,
-    )
+    if log is None:
+        folder = FlightFolder(path, settings.vehicle.system_id, settings.mavlink.autopilot_component)
+        cautions = tuple(_cautions(folder, settings, TLOG_RATE))
+    else:
+        folder, found = _with_log(log, path, settings)
+        cautions = (*found, *_cautions(folder, settings, LOG_RATE))
     camera, calibrated = camera_model(settings.camera, folder.width, folder.height)
-    cautions = tuple(_cautions(folder, settings))
     return ReplaySource(settings, camera, calibrated, True, folder.frame_count, folder.samples, cautions)
 
 
-def _cautions(folder: FlightFolder, settings: Settings) -> Iterator[str]:
+def _with_log(log: AutopilotLog, path: Path, settings: Settings) -> tuple[FlightFolder, tuple[str, ...]]:
+    """The flight with its autopilot's log in the companion's time, and what is to be said of that time."""
+    in_time = by_round_trips(log, path)
+    if in_time is not None:
+        return FlightFolder(path, telemetry=in_time), ()
+    folder = FlightFolder(path, telemetry=at_the_start(log, path))
+    camera, _ = camera_model(settings.camera, folder.width, folder.height)
+    found = align_log(log.attitudes, folder.frames(), camera, settings.tracking)
+    offset_us = found.offset_us - round(settings.camera.time_offset_s * 1e6)
+    said = (
+        f"{log.name} has no TIMESYNC round trips with the clock of the frames: aligned by the rotation in "
+        f"{found.pairs} pairs of frames to {found.std_s * 1e3:.1f} ms (one sigma, correlation {found.correlation:.2f})"
+    )
+    return FlightFolder(path, telemetry=log.by_offset(offset_us, found.std_s)), (said,)
+
+
+def _cautions(folder: FlightFolder, settings: Settings, remedy: str) -> Iterator[str]:
     gap_s, rate_hz = settings.sync.attitude_max_gap_s, folder.attitude_hz
     if rate_hz and rate_hz * gap_s < ATTITUDES_A_GAP:
         yield (
-            f"attitude was recorded at {rate_hz:.2g} Hz, as a telemetry radio carries it: the slope to gravity needs "
-            f"{ATTITUDES_A_GAP / gap_s:.0f} Hz or more; record on the companion (record.directory)"
+            f"attitude was recorded at {rate_hz:.2g} Hz: the slope to gravity needs {ATTITUDES_A_GAP / gap_s:.0f} Hz "
+            f"or more; {remedy}"
         )
 
 

@@ -18,11 +18,11 @@ class CameraSettings:
     ] = ""
     calibration: Annotated[str, FilePath("the camera's calibration, a ROS camera_info YAML file")] = ""
     mask: Annotated[
-        str,
-        FilePath(
-            "PNG of the picture's size: black pixels never show the ground, as skids or a gimbal's edge"
-        ),
+        str, FilePath("PNG of the picture's size: black pixels never show the ground, as skids")
     ] = ""
+    learn_mask: Annotated[
+        bool, Meaning("mask what stands still in the picture while the ground moves, as skids or dirt")
+    ] = True
     mount_roll_deg: Annotated[float, Limits(-180, 180, "deg", "camera's roll in the body frame")] = 0.0
     mount_pitch_deg: Annotated[float, Limits(-180, 180, "deg", "camera's pitch in the body frame")] = 0.0
     mount_yaw_deg: Annotated[float, Limits(-180, 180, "deg", "camera's yaw in the body frame")] = 0.0

@@ -49,7 +49,7 @@ class FrameCheck:
             repeated = frame.stamp_us == self._stamp_us
             reason = RefusalCode.REPEATED_STAMP if repeated else RefusalCode.BACKWARD_STAMP
             return self._refuse(frame, reason, f"{frame.stamp_us - self._stamp_us} us after the frame before")
-        if self._image is not None and np.array_equal(image, self._image):
+        if self._image is not None and _same(image, self._image):
             return self._refuse(frame, RefusalCode.PICTURE_REPEATED, "the same picture again, bit for bit")
         return None
 
@@ -61,3 +61,11 @@ class FrameCheck:
 
     def _refuse(self, frame: Frame, reason: RefusalCode, detail: str) -> Refusal:
         return Refusal(frame.arrival_us, self._source, reason, f"frame {frame.number}: {detail}")
+
+
+def _same(image: NDArray[np.uint8], before: NDArray[np.uint8]) -> bool:
+    """Whether two pictures are equal bit for bit; one row of them nearly always says that they are not."""
+    if image.shape != before.shape:
+        return False
+    row = len(image) // 2
+    return np.array_equal(image[row], before[row]) and np.array_equal(image, before)

@@ -8,6 +8,12 @@ from numpy.typing import NDArray
 
 from drivers.errors import DriverError
 
+JPEG_END = b"\xff\xd9"
+PADDING = 4096
+"""Bytes behind a JPEG's end in which the end marker is looked for: cameras fill their buffers up."""
+MOST_BROKEN = 30
+"""JPEGs in a row that may be broken before the camera counts as lost."""
+
 
 def grey_of(image: NDArray[Any], height: int = 0, luma: int = 0) -> NDArray[np.uint8]:
     """(height, width) uint8 contiguous grey.
@@ -25,3 +31,15 @@ def grey_of(image: NDArray[Any], height: int = 0, luma: int = 0) -> NDArray[np.u
         code = cv2.COLOR_BGR2GRAY if image.shape[2] == 3 else cv2.COLOR_BGRA2GRAY
         return cv2.cvtColor(image, code).astype(np.uint8, copy=False)
     raise DriverError(f"the camera gives pictures of shape {image.shape}; grey, YUV or BGR is needed")
+
+
+def grey_of_jpeg(data: NDArray[np.uint8]) -> NDArray[np.uint8] | None:
+    """(height, width) uint8 grey of a JPEG as the camera sent it: its luma alone is decoded.
+
+    None where it is broken: a decoder fills what a cut picture lacks, and such ground would be flat.
+    """
+    jpeg = data.reshape(-1)
+    if JPEG_END not in jpeg[-PADDING:].tobytes():
+        return None
+    image = cv2.imdecode(jpeg, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION)
+    return None if image is None else np.asarray(image, np.uint8)

@@ -5,15 +5,18 @@ import os
 from collections.abc import Iterator
 
 import cv2
+import numpy as np
 from cv2.utils import logging as cv2_logging
 
-from drivers.cameras.grey import grey_of
+from drivers.cameras.grey import MOST_BROKEN, grey_of, grey_of_jpeg
 from drivers.cameras.interface import CameraFormat, Grab, ReaderLimits
 from drivers.cameras.stamping import MinimumDelayStamper
 from drivers.errors import DriverError
 from drivers.system.host_clock import now_us
 
 SCHEMES = ("rtsp://", "rtsps://", "http://", "https://", "udp://", "tcp://", "rtp://", "srt://")
+
+MJPEG = cv2.VideoWriter.fourcc(*"MJPG")
 
 SENDERS_TIME = ("rtsp://", "rtsps://", "udp://", "rtp://", "srt://")
 """Schemes whose presentation times are the sender's; MJPEG over HTTP has none, FFmpeg makes them up."""
@@ -57,6 +60,8 @@ class StreamGrabber:
         self._limits = limits
         self._capture: cv2.VideoCapture | None = None
         self._stamper = MinimumDelayStamper() if url.lower().startswith(SENDERS_TIME) else None
+        self._jpeg = False
+        """Whether the pictures are taken as the JPEGs that came; the times of the sender are lost with that."""
 
     def open(self) -> None:
         """Connect; raises DriverError when nothing answers in time or no video is in it."""
@@ -75,9 +80,18 @@ class StreamGrabber:
             self._capture = cv2.VideoCapture(self._url, cv2.CAP_FFMPEG, timeouts)
         if not self._capture.isOpened():
             raise DriverError(f"{self._url}: no video there; is the address right and the sender running?")
+        if self._stamper is None and round(self._capture.get(cv2.CAP_PROP_FOURCC)) == MJPEG:
+            self._jpeg = self._capture.set(cv2.CAP_PROP_FORMAT, -1)
 
     def grab(self) -> Grab:
         """The next decoded frame."""
+        for _ in range(MOST_BROKEN):
+            found = self._next()
+            if found is not None:
+                return found
+        raise DriverError(f"{self._url}: {MOST_BROKEN} frames in a row are broken")
+
+    def _next(self) -> Grab | None:
         capture = self._capture
         if capture is None or not capture.grab():
             raise DriverError(f"{self._url}: the stream stopped")
@@ -90,6 +104,9 @@ class StreamGrabber:
         taken, image = capture.retrieve()
         if not taken:
             raise DriverError(f"{self._url}: a frame could not be decoded")
+        if self._jpeg:
+            grey = grey_of_jpeg(np.asarray(image, np.uint8))
+            return None if grey is None else Grab(grey, captured_us)
         return Grab(grey_of(image), captured_us, remark)
 
     def close(self) -> None:

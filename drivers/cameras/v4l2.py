@@ -9,8 +9,9 @@ import os
 from pathlib import Path
 
 import cv2
+import numpy as np
 
-from drivers.cameras.grey import grey_of
+from drivers.cameras.grey import MOST_BROKEN, grey_of, grey_of_jpeg
 from drivers.cameras.interface import CameraFormat, Grab
 from drivers.errors import DriverError
 from drivers.system.host_clock import from_monotonic_us, now_us
@@ -28,6 +29,9 @@ EXPOSURE_UNIT_US = 100
 
 LUMA_FIRST = ("GREY", "YUYV", "NV12", "NV21", "YU12", "YV12")
 """Pixel formats whose grey is taken as it is, without a way through BGR."""
+
+
+JPEG = ("MJPG", "JPEG")
 
 
 class V4l2Grabber:
@@ -57,6 +61,13 @@ class V4l2Grabber:
 
     def grab(self) -> Grab:
         """The next buffer; OpenCV waits 10 s for one at most."""
+        for _ in range(MOST_BROKEN):
+            found = self._next()
+            if found is not None:
+                return found
+        raise DriverError(f"{self._device}: {MOST_BROKEN} frames in a row are broken")
+
+    def _next(self) -> Grab | None:
         capture = self._capture
         if capture is None or not capture.grab():
             raise DriverError(f"{self._device}: gives no frames any more; unplugged?")
@@ -65,7 +76,11 @@ class V4l2Grabber:
         taken, image = capture.retrieve()
         if not taken:
             raise DriverError(f"{self._device}: a frame could not be decoded")
-        return Grab(grey_of(image, self._grey_rows), self._checked(stamp_us, arrival_us))
+        captured_us = self._checked(stamp_us, arrival_us)
+        if self._wanted.pixel_format not in JPEG or (image.ndim == 3 and image.shape[2] == 3):
+            return Grab(grey_of(image, self._grey_rows), captured_us)
+        grey = grey_of_jpeg(np.asarray(image, np.uint8))
+        return None if grey is None else Grab(grey, captured_us)
 
     def close(self) -> None:
         """Give the device back."""
@@ -105,7 +120,9 @@ class V4l2Grabber:
             self._ask(capture, cv2.CAP_PROP_EXPOSURE, units, "exposure")
         if wanted.gain >= 0:
             self._ask(capture, cv2.CAP_PROP_GAIN, wanted.gain, "gain")
-        if wanted.pixel_format in LUMA_FIRST:
+        if wanted.pixel_format in JPEG:
+            capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)
+        elif wanted.pixel_format in LUMA_FIRST:
             capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)
             self._grey_rows = round(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
 

@@ -1,7 +1,7 @@
 """An autopilot's own log in the place of a tlog: its samples by boot time, and the companion's time where it is known.
 
 A log is stamped with the autopilot's boot time alone. The companion's time is boot time plus an offset: PX4 logs what
-its TIMESYNC requests to the companion found, once a second.
+its TIMESYNC requests to the companion found, once a second. Otherwise the offset is found from pictures and attitudes.
 """
 
 from bisect import bisect_right
@@ -16,6 +16,10 @@ from drivers.samples import Attitude, ClockOffset, Imu, Sample
 
 SMOOTHED = 11
 """Round trips whose median is the offset at a moment: one that was held up moves nothing."""
+
+SURE_SIGMAS = 3
+"""An offset lies within half a round trip: so many sigmas of one that was found otherwise."""
+EVERY_US = 1_000_000
 
 SYSTEM = 1
 """The system id of a log's only vehicle, where it names none."""
@@ -55,6 +59,13 @@ class AutopilotLog:
             if trips and start + min(offsets) <= last_us and end + max(offsets) >= first_us:
                 return LogInTime(self, trips)
         return None
+
+    def by_offset(self, offset_us: int, std_s: float) -> "LogInTime":
+        """The log with one offset throughout, of one sigma ``std_s``, as if it were of a round trip a second."""
+        start, end = self.recorded[0].arrival_us, self.recorded[-1].arrival_us
+        trip_us = round(2 * SURE_SIGMAS * std_s * 1e6)
+        times = range(start, max(end, start + 1), EVERY_US)
+        return LogInTime(self, [RoundTrip(boot_us, offset_us, trip_us) for boot_us in times])
 
 
 class LogInTime:

@@ -3,14 +3,15 @@
 The telemetry may also be the autopilot's own log, with its clock related to the companion's.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from heapq import merge
 from pathlib import Path
 
 from drivers.errors import DriverError
-from drivers.files.autopilot_log import LogInTime
+from drivers.files.autopilot_log import AutopilotLog, LogInTime
+from drivers.files.dataflash import read_dataflash
 from drivers.files.folder_clock import read_clock
 from drivers.files.frame_table import FrameRow, read_frame_table
 from drivers.files.tlog import read_tlog
@@ -22,7 +23,8 @@ from drivers.refusals import RefusalCode
 from drivers.samples import ClockOffset, Frame, Refusal, Sample
 
 VIDEO, STAMPS, TELEMETRY = "camera.mkv", "frames.csv", "vehicle.tlog"
-ULOG = "vehicle.ulg"
+LOGS: dict[str, Callable[[Path], AutopilotLog]] = {"vehicle.ulg": read_ulog, "vehicle.bin": read_dataflash}
+"""Logs of PX4 and ArduPilot that take the place of the tlog."""
 GAP_MIN = 0.5
 """Share of a frame's period by which a gap in the presentation times must be longer, and rows may differ from it."""
 
@@ -109,6 +111,10 @@ class FlightFolder:
         for _, _, sample in merge(self._telemetry(), self._frames(), key=lambda item: item[:2]):
             yield later(sample, self.add_us) if self.add_us else sample
 
+    def frames(self) -> Iterator[Frame]:
+        """The frames alone, with their stamps as they were recorded."""
+        return (sample for _, _, sample in self._frames() if isinstance(sample, Frame))
+
     def _telemetry(self) -> Iterator[tuple[int, int, Sample]]:
         """(order, 0, sample); the order is the arrival with clock steps taken out."""
         decoder = TelemetryDecoder(self._system_id, self._component_id)
@@ -185,22 +191,27 @@ class FlightFolder:
         return number
 
 
-def log_in(path: Path) -> LogInTime | None:
-    """PX4's log of a folder without a tlog, in the frames' time; None where there is none.
+def log_in(path: Path) -> AutopilotLog | None:
+    """The autopilot's log of a folder without a tlog: PX4's or ArduPilot's; None where there is none.
 
-    DriverError where it cannot be read, or where nothing in it gives the companion's time.
+    DriverError where it cannot be read.
     """
-    if (path / TELEMETRY).exists() or not (path / ULOG).is_file():
+    if (path / TELEMETRY).exists():
         return None
-    log = read_ulog(path / ULOG)
+    found = [(path / name, read) for name, read in LOGS.items() if (path / name).is_file()]
+    return found[0][1](found[0][0]) if found else None
+
+
+def by_round_trips(log: AutopilotLog, path: Path) -> LogInTime | None:
+    """The log in the time of the folder's frames; None where no round trip in it was made with their clock."""
     orders = [row.order_us for row in read_frame_table(path / STAMPS).rows.values()]
-    in_time = log.by_round_trips(min(orders), max(orders))
-    if in_time is None:
-        raise DriverError(
-            f"{path / ULOG}: no timesync_status in it was made with the clock of {STAMPS}: landslope answers PX4's "
-            "TIMESYNC requests while it runs; replay such a flight with its vehicle.tlog"
-        )
-    return in_time
+    return log.by_round_trips(min(orders), max(orders))
+
+
+def at_the_start(log: AutopilotLog, path: Path) -> LogInTime:
+    """The log as if it began with the folder's frames: for reading those before the clocks are related."""
+    first_us = min(row.order_us for row in read_frame_table(path / STAMPS).rows.values())
+    return log.by_offset(first_us - log.recorded[0].arrival_us, 0.0)
 
 
 def later(sample: Sample, add_us: int) -> Sample:

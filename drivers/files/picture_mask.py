@@ -12,6 +12,18 @@ MAX_BYTES = 16_000_000
 _BLACK_BELOW = 128
 
 
+def write_mask(path: Path, mask: NDArray[np.bool_]) -> None:
+    """Replace a file by a mask (height, width) as PNG, black where it is true. Raises OSError.
+
+    It is written beside the file first, so that a crash leaves the old or the new one; after a power cut it may be
+    damaged, which reading finds.
+    """
+    _, data = cv2.imencode(".png", np.where(mask, 0, 255).astype(np.uint8))
+    temporary = path.with_name(path.name + ".tmp")
+    temporary.write_bytes(data.tobytes())
+    temporary.replace(path)
+
+
 def read_mask(path: Path, width: int, height: int) -> NDArray[np.bool_]:
     """Pixels (height, width) that are black in a picture. Raises DriverError where it is no such mask."""
     try:

@@ -64,6 +64,9 @@ class FrameSplitter:
 
     def feed(self, data: bytes) -> list[WireFrame | Garbage]:
         """The frames and the garbage completed by ``data``; an unfinished frame waits for the rest."""
+        if not self._buffer and (whole := _whole_frame(data)) is not None:
+            self._in_step = True
+            return [whole]
         self._buffer += data
         buffer = self._buffer
         pieces: list[WireFrame | Garbage] = []
@@ -99,7 +102,15 @@ class FrameSplitter:
         return pieces
 
 
-def _frame_length(buffer: bytearray, at: int) -> int | None:
+def _whole_frame(data: bytes) -> WireFrame | None:
+    """The frame of a message that is known where ``data`` is exactly one, as most datagrams are."""
+    if not data or data[0] not in (MARKER_V1, MARKER_V2) or _frame_length(data, 0) != len(data):
+        return None
+    frame = _frame(data)
+    return frame if frame is not None and frame.known else None
+
+
+def _frame_length(buffer: bytes | bytearray, at: int) -> int | None:
     """Length of the frame that begins at ``at``; None while too little of it is there."""
     if len(buffer) - at < 3:
         return None

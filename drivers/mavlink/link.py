@@ -21,11 +21,11 @@ from drivers.mavlink.rates_owner import RatesOwner
 from drivers.mavlink.sender_splitters import SenderSplitters
 from drivers.mavlink.signing import Signer, unsigned
 from drivers.mavlink.signing_memory import SigningMemory
-from drivers.mavlink.telemetry import MESSAGE_IDS, TelemetryDecoder
+from drivers.mavlink.telemetry import MESSAGE_IDS, STREAM_IDS, TelemetryDecoder
 from drivers.mavlink.timesync import TimeSync
 from drivers.mavlink.unpacking import Unpacker
 from drivers.refusals import RefusalCode
-from drivers.samples import Attitude, CommandAnswer, Heartbeat, Refusal, Sample
+from drivers.samples import Attitude, CommandAnswer, Heartbeat, Imu, Refusal, Sample, Velocity
 from drivers.system.host_clock import now_us as host_now_us
 
 HOUSEKEEPING_S = 0.1
@@ -60,7 +60,7 @@ class Link:
 
     ``on_samples(samples)`` and ``on_event(event)`` are called from the link's threads and must return at once.
     ``on_frame(arrival_us, frame)`` gets every frame of both directions, for a recording. ``raw_out`` is where
-    MAVSDK takes the vehicle's bytes. ``may_beat()`` says whether MAVSDK's heartbeats may go out.
+    MAVSDK takes the vehicle's bytes, without its streams. ``may_beat()`` says whether MAVSDK's heartbeats may go out.
     """
 
     def __init__(
@@ -243,15 +243,16 @@ class Link:
             self._found(now_us)
         samples: list[Sample] = []
         if message is not None:
-            self.rates.seen(message.get_type())
+            name = message.get_type()
+            self.rates.seen(name)
             samples = self._decoder.decode(message, now_us)
             for sample in samples:
                 self._watch(sample, now_us)
-            if message.get_type() == "TIMESYNC" and message.tc1 == 0:
+            if name == "TIMESYNC" and message.tc1 == 0:
                 # the autopilot's own question: with our answer its log relates both clocks
                 self.send(dialect.MAVLink_timesync_message(host_now_us() * 1000, message.ts1))
         # Last, so that an answer is on record before MAVSDK's call returns with it.
-        if self.raw_out is not None:
+        if self.raw_out is not None and frame.message_id not in STREAM_IDS:
             self.raw_out(unsigned(frame.data))
         return samples
 
@@ -272,7 +273,8 @@ class Link:
         )
 
     def _watch(self, sample: Sample, now_us: int) -> None:
-        self.gate.saw(sample)
+        if not isinstance(sample, Imu | Velocity):  # the most frequent ones say nothing of orders
+            self.gate.saw(sample)
         if isinstance(sample, Heartbeat):
             self._port.believe(self._identity.sender)
             if sample.autopilot != self._autopilot:

@@ -282,3 +282,10 @@ _HANDLERS: dict[str, Callable[[TelemetryDecoder, Any, int], list[Sample]]] = {
 
 MESSAGE_IDS = frozenset(i for i, m in mavlink.mavlink_map.items() if m.msgname in _HANDLERS)
 """Ids of the messages that samples are made of; all others may be skipped by their header."""
+
+STREAM_IDS = frozenset(
+    i
+    for i, m in mavlink.mavlink_map.items()
+    if m.msgname in {"ATTITUDE", "ATTITUDE_QUATERNION", "LOCAL_POSITION_NED", "ODOMETRY", *GYRO_RANK}
+)
+"""Ids of what comes many times a second. No command needs them, and each would wake MAVSDK's threads."""

@@ -43,6 +43,11 @@ class SingleInstance:
         self.close()
 
 
+def health_path(lock: Path) -> Path:
+    """The file beside a lock that has the newest health of the process that holds it."""
+    return lock.with_suffix(".health.json")
+
+
 def _directory() -> Path:
     for variable in ("RUNTIME_DIRECTORY", "XDG_RUNTIME_DIR"):
         directory = Path(os.environ.get(variable, ""))

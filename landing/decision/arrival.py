@@ -45,7 +45,9 @@ def sink_share(i: Inputs, spot: Vector, unsure_s: float, low: float) -> float:
     whole ground in view, and the disc's step is measured from its mean plane.
     """
     near = i.below.verdict == HAZARD and not i.height_m - 2 * i.below.step_m >= i.height_m / low
-    if near or beside(i, spot, 2 * ARRIVED_SHARE):
+    if near:
         return 0.0
+    off = math.dist(i.place_ned[:2], spot[:2]) - ARRIVED_M
+    centred = min(max(3.0 - off / (ARRIVED_SHARE * i.height_m), 0.0), 1.0)
     sure = min(max((UNKNOWN_S - unsure_s) / (UNKNOWN_S - UNSURE_S), 0.0), 1.0)
-    return sure * min(max((low - 0.97) / 0.08, 0.0), 1.0)
+    return centred * sure * min(max((low - 0.97) / 0.08, 0.0), 1.0)

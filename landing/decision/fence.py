@@ -2,7 +2,8 @@
 
 import math
 
-from landing.decision.orders import Inputs, State, Why
+from landing.decision.guidance import ACCELERATION
+from landing.decision.orders import Inputs, State, Vector, Why
 from landing.decision.procedure_options import CLIMB_M, FENCE_MARGIN_M, LOWEST_SHARE, ProcedureOptions
 
 CLIMB_MARGIN_M = 1.0
@@ -36,6 +37,25 @@ class Fence:
         if not i.time_s - begin.time_s <= o.max_time_s:
             return Why.FENCE_TIME, ""
         return None
+
+    def held_in(self, i: Inputs, wanted: Vector) -> Vector:
+        """The velocity without what leads out, by view or autopilot; beyond half the margin it leads back."""
+        north, east, down = wanted
+        for here, begin in ((i.place_ned, self._begin.place_ned), (i.local_ned, self._begin.local_ned)):
+            if here is None or begin is None:
+                continue
+            to_north, to_east = here[0] - begin[0], here[1] - begin[1]
+            away = math.hypot(to_north, to_east)
+            if not away > 0:
+                continue
+            to_north, to_east = to_north / away, to_east / away
+            room = self._options.max_search_m + FENCE_MARGIN_M / 2 - away
+            too_fast = (
+                north * to_north + east * to_east - math.copysign(math.sqrt(ACCELERATION * abs(room)), room)
+            )
+            if too_fast > 0:
+                north, east = north - too_fast * to_north, east - too_fast * to_east
+        return north, east, down
 
 
 def risen(begin: Inputs, now: Inputs) -> float:

@@ -9,19 +9,26 @@ constant optical flow divergence landing").
 
 import math
 
-from landing.decision.orders import STILL, Vector
+from landing.decision.orders import STILL, Inputs, Vector
 
 ACCELERATION = 1.2
 """Largest change of the velocity asked for, m/s^2, horizontal and vertical."""
+LEAD_S = 0.4
+"""How much earlier a velocity is asked for than it is to be flown: lag of the vehicle and delay of the pictures."""
 POSITION_GAIN = 0.9
 """Speed per metre off the place, 1/s: slower than a velocity loop with its lag and the delay of pictures."""
 DIVERGENCE_GAIN, DIVERGENCE_INTEGRAL = 0.4, 0.3
 """Share of an error of the divergence that is answered at once, and in a second (1/s)."""
 MOST_CORRECTION = 0.5
 """Most that both make of the divergence asked for: pictures that say more are not believed."""
-WEAVE_SHARE, WEAVE_PERIOD_S = 0.12, 4.0
+WEAVE_SHARE, WEAVE_PERIOD_S = 0.18, 6.0
 """Radius of the circle on which the vehicle comes down, over its height, and how long a round takes. Straight below a
-straight descent the view shows no relief (it is the focus of expansion), so nothing would be known there."""
+straight descent the view shows no relief (it is the focus of expansion), so nothing would be known there. A velocity
+loop follows a turn of one radian in a second; a faster one it exaggerates."""
+WEAVE_ACCELERATION = 0.5 * ACCELERATION
+"""The circle's own: the rest is left for gusts."""
+WEAVE_GROWTH = 0.3
+"""Largest change of its radius, m/s."""
 
 
 def towards(from_ned: Vector, to_ned: Vector, speed: float) -> tuple[float, float]:
@@ -75,12 +82,12 @@ class Descent:
     def __init__(self, divergence: float) -> None:
         self._divergence = divergence
         self._sum = 0.0
-        self._time_s = math.nan
-        self._turned = 0.0
+        self._time_s = self._round_s = math.nan
+        self._turned = self._radius = 0.0
 
     def begin(self, time_s: float) -> None:
-        """Of a new descent."""
-        self._sum, self._time_s, self._turned = 0.0, time_s, 0.0
+        """Of a new descent; the circle goes on."""
+        self._sum, self._time_s = 0.0, time_s
 
     def sink(self, time_s: float, height_m: float, approach: float, share: float) -> float:
         """Speed down, m/s. ``approach`` 1/s: what the view shows of it; ``share`` of the divergence to come down by."""
@@ -91,17 +98,35 @@ class Descent:
         asked = self._divergence * share
         error = asked - approach if math.isfinite(approach) else 0.0
         most = MOST_CORRECTION * asked
-        self._sum = min(max(self._sum + DIVERGENCE_INTEGRAL * error * dt, -most), most)
+        if abs(error) < most:
+            # beyond, the sink is still being taken up
+            self._sum = min(max(self._sum + DIVERGENCE_INTEGRAL * error * dt, -most), most)
         correction = min(max(DIVERGENCE_GAIN * error + self._sum, -most), most)
-        return max(height_m, 0.0) * (asked + correction)
+        return max(height_m, 0.0) * math.exp(-asked * LEAD_S) * (asked + correction)
 
     def circle(self, time_s: float, height_m: float, share: float, speed: float) -> tuple[Vector, Vector]:
         """Offset from the place, and its velocity. ``share`` of the usual radius; ``speed`` most of it."""
+        dt = min(max(time_s - self._round_s, 0.0), 0.5) if math.isfinite(self._round_s) else 0.0
+        self._round_s = time_s
         rate = 2 * math.pi / WEAVE_PERIOD_S
-        radius = min(WEAVE_SHARE * height_m * share, speed / rate) if math.isfinite(height_m) else 0.0
-        angle = rate * time_s
-        cos, sin = math.cos(angle), math.sin(angle)
-        return (radius * cos, radius * sin, 0.0), (-radius * rate * sin, radius * rate * cos, 0.0)
+        radius = 0.0
+        if math.isfinite(height_m):
+            radius = min(WEAVE_SHARE * height_m * share, speed / rate, WEAVE_ACCELERATION / rate**2)
+        most = WEAVE_GROWTH * dt
+        self._radius += min(max(radius - self._radius, -most), most)
+        self._turned += rate * dt
+        cos, sin = math.cos(self._turned), math.sin(self._turned)
+        lead = self._turned + rate * LEAD_S
+        along = self._radius * rate
+        offset = self._radius * cos, self._radius * sin, 0.0
+        return offset, (-along * math.sin(lead), along * math.cos(lead), 0.0)
+
+    def around(self, i: Inputs, spot: Vector, share: float, speed: float) -> tuple[float, float]:
+        """Velocity along the circle about the place on which its ground shows; ``share`` of the usual radius."""
+        offset, along = self.circle(i.time_s, i.height_m, share, 0.5 * speed)
+        aim = spot[0] + offset[0], spot[1] + offset[1], spot[2]
+        north, east = towards(i.place_ned, aim, speed)
+        return north + along[0], east + along[1]
 
 
 class Spiral:

@@ -46,8 +46,8 @@ class Looking:
             self._side = -self._side
         return self._side * speed * north, self._side * speed * east
 
-    def lower(self, i: Inputs, looked_s: float) -> float:
-        """Speed down while the ground stays unknown; 0 where it may go no lower."""
-        if looked_s < LOOK_LOWER_S or not i.height_m > lowest_look(self._options):
+    def lower(self, room_m: float, looked_s: float) -> float:
+        """Speed down while the ground stays unknown; 0 where it may go no lower. ``room_m`` over the highest ground."""
+        if looked_s < LOOK_LOWER_S or not room_m > lowest_look(self._options):
             return 0.0
-        return min(LOOK_SINK * i.height_m, CLIMB_SPEED)
+        return min(LOOK_SINK * room_m, CLIMB_SPEED)

@@ -35,6 +35,14 @@ MOVING = frozenset({State.START, State.LOOK, State.CHOOSE, State.SEARCH, State.G
 """States in which setpoints leave."""
 
 
+class GroundMotion(StrEnum):
+    """Of the ground itself: AT_REST is known, MOVES is plain, UNKNOWN is neither."""
+
+    AT_REST = "at_rest"
+    MOVES = "moves"
+    UNKNOWN = "unknown"
+
+
 class OrderKind(StrEnum):
     """What is asked of the autopilot.
 
@@ -84,6 +92,7 @@ class Why(StrEnum):
     SPOT_HAZARD = "spot_hazard"
     SPOT_UNKNOWN = "spot_unknown"
     SPOT_LOST = "spot_lost"
+    HEIGHT_LOST = "height_lost"
     AT_THE_SPOT = "at_the_spot"
     LANDING = "landing"
     NOT_TAKEN = "not_taken"
@@ -94,6 +103,8 @@ class Why(StrEnum):
     FENCE_DISTANCE = "fence_distance"
     FENCE_HEIGHT = "fence_height"
     FENCE_TIME = "fence_time"
+    GROUND_MOVES = "ground_moves"
+    GROUND_MAY_MOVE = "ground_may_move"
     LOOKED_IN_VAIN = "looked_in_vain"
     SEARCHED_IN_VAIN = "searched_in_vain"
     WAY_TOO_LONG = "way_too_long"
@@ -129,6 +140,9 @@ WORDS = {
     Why.FENCE_DISTANCE: "gave back: too far from where it began",
     Why.FENCE_HEIGHT: "gave back: too high or too low",
     Why.FENCE_TIME: "gave back: it took too long",
+    Why.GROUND_MOVES: "gave back: the ground moves by itself",
+    Why.GROUND_MAY_MOVE: "gave back: the ground is not known to be at rest",
+    Why.HEIGHT_LOST: "stops and climbs: the height is not known any more",
     Why.LOOKED_IN_VAIN: "gave back: the motion did not show the ground",
     Why.SEARCHED_IN_VAIN: "gave back: no place to land on within reach",
     Why.WAY_TOO_LONG: "gave back: the place was not reached in time",
@@ -148,7 +162,9 @@ class Inputs:
     the autopilot is busy with a failsafe or is not heard, so nothing may be said to it; ``landing``: it lands at our
     request. ``place_ned`` is the vehicle by the visual motion, ``local_ned`` by the autopilot, in the autopilot's
     axes; ``velocity_ned`` by the visual motion where that is in metres, else by the autopilot. ``height_m`` is over
-    the ground straight below, ``approach`` the sink over it by the view, 1/s (half of an estimate's divergence).
+    the ground straight below, ``clear_m`` over the highest ground of the map where the vehicle may come to within a
+    second (NaN: none is known there), ``approach`` the sink over it by the view, 1/s (half of an estimate's
+    divergence). ``ground_motion``: what is found of the ground's own motion.
     ``spots`` are landable discs, best first, from the vehicle; None: not asked for at this frame. ``below`` and
     ``at_spot`` are the discs straight below and about the chosen place.
     """
@@ -164,7 +180,9 @@ class Inputs:
     velocity_ned: Vector | None = None
     yaw: float = NAN
     height_m: float = NAN
+    clear_m: float = NAN
     approach: float = NAN
+    ground_motion: GroundMotion = GroundMotion.UNKNOWN
     below: Disc = NOT_SEEN
     at_spot: Disc = NOT_SEEN
     spots: tuple[Spot, ...] | None = None

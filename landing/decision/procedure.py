@@ -15,10 +15,13 @@ Drawn with the safety case in docs/procedure.md.
 import math
 from collections.abc import Callable
 
+from landing.decision import procedure_options as limits
 from landing.decision.arrival import arrived, beside, over, sink_share
+from landing.decision.at_rest import AtRest
 from landing.decision.choice import Choice
 from landing.decision.fence import Fence, risen
 from landing.decision.guidance import Descent, Shaper, Spiral, towards
+from landing.decision.headroom import Headroom, level_share
 from landing.decision.looking import Looking, lowest_look
 from landing.decision.orders import (
     MOVING,
@@ -32,27 +35,7 @@ from landing.decision.orders import (
     Vector,
     Why,
 )
-from landing.decision.procedure_options import (
-    ARM_SHARE,
-    ARRIVED_SHARE,
-    CLIMB_M,
-    CLIMB_SPEED,
-    HOLD_CLIMB_M,
-    HOLD_CLIMB_SHARE,
-    LIMIT_S,
-    LOOK_ENOUGH_S,
-    LOOK_LEAST_S,
-    LOOK_RADIUS_M,
-    OUR_MODES,
-    OWN,
-    SEARCH_FLOW,
-    SEARCH_LOWER,
-    SURE_S,
-    TRIES,
-    UNKNOWN_S,
-    UNSURE_S,
-    ProcedureOptions,
-)
+from landing.decision.procedure_options import ProcedureOptions
 from landing.decision.withheld import Withheld
 from landing.ground.spots import HAZARD, LANDABLE, UNKNOWN
 
@@ -77,7 +60,7 @@ class Procedure:
         self._fence = Fence(options, Inputs(time_s=math.nan))
         self._begin_at = self._held_at = Inputs(time_s=math.nan)
         self._level = 0.0
-        self._looking = Looking(options)
+        self._looking, self._headroom, self._rest = Looking(options), Headroom(), AtRest()
 
     @property
     def spot_ned(self) -> Vector | None:
@@ -93,7 +76,7 @@ class Procedure:
         """Take a frame; times must rise."""
         before = self.state, self.why
         self._seen_s, self._place = i.time_s, i.place_ned
-        order = self._fly(i) if self.state in MOVING else self._rest(i)
+        order = self._fly(i) if self.state in MOVING else self._wait(i)
         return self._step(order, before)
 
     def watch(
@@ -118,20 +101,20 @@ class Procedure:
 
     def _ended(self, objections: tuple[Withheld, ...], mode: str | None) -> tuple[Why, str] | None:
         # until the autopilot follows, it may fly on in the mode that it was taken over from, and in no other
-        if mode not in OUR_MODES and (self._followed or mode not in self.options.takeover_modes):
+        if mode not in limits.OUR_MODES and (self._followed or mode not in self.options.takeover_modes):
             return Why.MODE_LEFT, mode or ""
-        against = [o for o in objections if o not in OWN]
+        against = [o for o in objections if o not in limits.OWN]
         return (Why.PERMISSION_ENDED, against[0].value) if against else None
 
     def _give_back(self, why: Why, about: str, mode: str | None, quiet: bool) -> Order:
         """Hold is asked for only where the autopilot still flies by our setpoints and has nothing graver to do."""
-        ours = mode in OUR_MODES and not quiet and why is not Why.MODE_LEFT
+        ours = mode in limits.OUR_MODES and not quiet and why is not Why.MODE_LEFT
         self._go(State.GIVE_BACK, why, self._seen_s, about)
         return Order(OrderKind.STOP if ours else OrderKind.NONE)
 
     # -- the states --------------------------------------------------------------------------------------
 
-    def _rest(self, i: Inputs) -> Order:
+    def _wait(self, i: Inputs) -> Order:
         """IDLE, HAND_OVER, GIVE_BACK."""
         against = list(i.objections)
         if self.state is not State.IDLE:
@@ -157,14 +140,21 @@ class Procedure:
         self._fence, self._origin = Fence(self.options, i), i.place_ned
         self._begin_at, self._level = i, i.place_ned[2]
         self._shaper.begin(i.time_s, i.velocity_ned or STILL)
+        self._headroom.begin(i.time_s)
+        self._rest.begin()
         self._go(State.START, Why.TAKING_OVER, i.time_s)
         return Order(OrderKind.START)
 
     def _fly(self, i: Inputs) -> Order:
-        self._followed |= i.mode in OUR_MODES
+        self._followed |= i.mode in limits.OUR_MODES
+        self._headroom.step(i)
+        self._rest.step(i)
         ended = self._ended(i.objections, i.mode) or self._fence.against(i, self.state)
-        if ended is None and i.time_s - self._since_s > LIMIT_S.get(self.state, math.inf):
-            ended = self._limit(), ""
+        if ended is None and self._rest.moves:
+            ended = Why.GROUND_MOVES, ""
+        if ended is None and i.time_s - self._since_s > limits.LIMIT_S.get(self.state, math.inf):
+            waits = self.state in (State.LOOK, State.GO) and not self._rest.known
+            ended = Why.GROUND_MAY_MOVE if waits else limits.IN_VAIN[self.state], ""
         if ended is not None:
             return self._give_back(*ended, i.mode, i.quiet)
         act: dict[State, Callable[[Inputs], Vector | Order]] = {
@@ -179,17 +169,8 @@ class Procedure:
         wanted = act[self.state](i)
         if isinstance(wanted, Order):
             return wanted
+        wanted = self._fence.held_in(i, wanted)
         return Order(OrderKind.VELOCITY, self._shaper.step(i.time_s, wanted, self.options.max_speed))
-
-    def _limit(self) -> Why:
-        return {
-            State.START: Why.NOT_TAKEN,
-            State.LOOK: Why.LOOKED_IN_VAIN,
-            State.CHOOSE: Why.LOOKED_IN_VAIN,
-            State.GO: Why.WAY_TOO_LONG,
-            State.DESCEND: Why.DESCENT_TOO_LONG,
-            State.HOLD: Why.LOOKED_IN_VAIN,
-        }[self.state]
 
     def _begin(self, i: Inputs) -> Vector:
         if self._followed:
@@ -202,11 +183,18 @@ class Procedure:
         known = math.isfinite(i.height_m)
         self._choice.step(i, self._origin)
         known_below = self._choice.spot_ned is not None or i.below.verdict != UNKNOWN
+        known_below &= self._rest.known
         looked_s = i.time_s - self._since_s
-        if known and looked_s >= (LOOK_LEAST_S if known_below else LOOK_ENOUGH_S):
+        if known and looked_s >= (limits.LOOK_LEAST_S if known_below else limits.LOOK_ENOUGH_S):
             self._go(State.CHOOSE, Why.CHOOSING, i.time_s)
             return STILL
-        climb = self._climb(i) or -self._looking.lower(i, looked_s)
+        climb = self._climb(i)
+        blind = not known and looked_s > limits.CLIMB_UNKNOWN_S and self._has_room(i)
+        climb = (
+            limits.CLIMB_SPEED
+            if blind
+            else climb or -self._looking.lower(self._headroom.all_around(i), looked_s)
+        )
         self.why = Why.GROUND_UNKNOWN if known else Why.NO_METRES
         if climb:
             self.why = Why.TOO_LOW if climb > 0 else Why.TOO_HIGH
@@ -233,24 +221,27 @@ class Procedure:
         if self._choice.step(i, self._origin):
             self._go(State.CHOOSE, Why.CHOOSING, i.time_s)
             return STILL
-        if self._spiral.radius_m > self.options.max_search_m:
-            lower = max(SEARCH_LOWER * i.height_m, lowest_look(self.options))
-            if not lower < 0.85 * i.height_m:
+        room, least = self._headroom.all_around(i), lowest_look(self.options)
+        if self._headroom.lost(i):
+            return self._stop(i, Why.HEIGHT_LOST)
+        if self._spiral.radius_m > self.options.max_search_m and math.isfinite(room):
+            lower = max(limits.SEARCH_LOWER * room, least)
+            if not lower < 0.85 * room:
                 return self._give_back(Why.SEARCHED_IN_VAIN, "", i.mode, i.quiet)
             # what a place is like shows from lower down: once more, with arms as near as the picture is wide there
-            self._level = i.place_ned[2] + i.height_m - lower
+            self._level = i.place_ned[2] + room - lower
             self._spiral = self._new_spiral(lower, i.time_s)
         point, along = self._spiral.point, self._spiral.velocity(self._speed(i))
         back = towards(i.place_ned, point, self.options.max_speed)
-        if math.dist(i.place_ned[:2], point[:2]) < LOOK_RADIUS_M:
+        if math.dist(i.place_ned[:2], point[:2]) < limits.LOOK_RADIUS_M:
             self._spiral.go_on(i.time_s, self._speed(i))
         else:
             self._spiral.wait(i.time_s)
             along = (0.0, 0.0)
-        return along[0] + back[0], along[1] + back[1], self._keep_level(i)
+        return self._across(i, (along[0] + back[0], along[1] + back[1]), room, 0.8 * least)
 
     def _new_spiral(self, height_m: float, time_s: float) -> Spiral:
-        arm = ARM_SHARE * max(height_m, 0.5) if math.isfinite(height_m) else LOOK_RADIUS_M
+        arm = limits.ARM_SHARE * max(height_m, 0.5) if math.isfinite(height_m) else limits.LOOK_RADIUS_M
         return Spiral(self._origin, arm, time_s)
 
     def _approach(self, i: Inputs) -> Vector | Order:
@@ -260,22 +251,18 @@ class Procedure:
         spot = self._choice.spot_ned
         if spot is None or i.at_spot.verdict == HAZARD:
             return self._stop(i, Why.SPOT_LOST if spot is None else Why.SPOT_HAZARD)
+        if self._headroom.lost(i):
+            return self._stop(i, Why.HEIGHT_LOST)
         if arrived(i, spot):
             self._arrived_s = min(self._arrived_s, i.time_s)
         waited_s = i.time_s - self._arrived_s
-        if arrived(i, spot) and (i.at_spot.verdict == LANDABLE or waited_s > SURE_S):
+        sure = i.at_spot.verdict == LANDABLE or waited_s > limits.SURE_S
+        if waited_s >= 0 and sure and self._rest.known and not beside(i, spot, 2 * limits.ARRIVED_SHARE):
             self._sure_s = i.time_s
             self._descent.begin(i.time_s)
             self._go(State.DESCEND, Why.COMING_DOWN, i.time_s)
-        north, east = self._circle(i, spot, 1.0 if waited_s >= 0 else 0.0)
-        return north, east, self._keep_level(i)
-
-    def _circle(self, i: Inputs, spot: Vector, share: float) -> tuple[float, float]:
-        """Velocity along the circle about the place on which its ground shows; ``share`` of the usual radius."""
-        offset, along = self._descent.circle(i.time_s, i.height_m, share, 0.5 * self.options.max_speed)
-        aim = spot[0] + offset[0], spot[1] + offset[1], spot[2]
-        north, east = towards(i.place_ned, aim, self.options.max_speed)
-        return north + along[0], east + along[1]
+        level = self._descent.around(i, spot, 1.0 if waited_s >= 0 else 0.0, self.options.max_speed)
+        return self._across(i, level, self._headroom.near(i), 0.8 * self.options.hand_over_m)
 
     def _come_down(self, i: Inputs) -> Vector | Order:
         o, height = self.options, i.height_m
@@ -289,11 +276,11 @@ class Procedure:
             return self._stop(i, Why.SPOT_LOST)
         if i.at_spot.verdict == HAZARD:
             return self._stop(i, Why.SPOT_HAZARD)
-        if unsure_s > UNKNOWN_S:
+        if unsure_s > limits.UNKNOWN_S:
             return self._stop(i, Why.SPOT_UNKNOWN)
         if not known:
             return STILL
-        if beside(i, spot, 4 * ARRIVED_SHARE):
+        if beside(i, spot, 4 * limits.ARRIVED_SHARE):
             # another place was found, or a gust: not down beside it
             self._level = i.place_ned[2]
             self._go(State.GO, Why.BETTER_SPOT, i.time_s)
@@ -302,16 +289,20 @@ class Procedure:
         if low <= 1.05 and unsure_s <= 0.5 and over(i, spot):
             self._go(State.HAND_OVER, Why.AT_THE_SPOT, i.time_s)
             return Order(OrderKind.LAND)
-        self.why = Why.SPOT_UNSURE if unsure_s > UNSURE_S else Why.COMING_DOWN
+        self.why = Why.SPOT_UNSURE if unsure_s > limits.UNSURE_S else Why.COMING_DOWN
         share = sink_share(i, spot, unsure_s, low)
         sink = self._descent.sink(i.time_s, height, i.approach, share) if share else 0.0
-        north, east = self._circle(i, spot, min(max((low - 1.2) / 0.5, 0.0), 1.0))
+        north, east = self._descent.around(i, spot, min(max((low - 1.2) / 0.5, 0.0), 1.0), o.max_speed)
         return north, east, sink
 
     def _hold(self, i: Inputs) -> Vector:
         """Stopped, and a little higher."""
-        wanted = min(HOLD_CLIMB_SHARE * self._held_at.height_m, HOLD_CLIMB_M)
-        climb = CLIMB_SPEED if risen(self._held_at, i) < wanted and self._has_room(i) else self._climb(i)
+        wanted = limits.HOLD_CLIMB_M
+        if math.isfinite(self._held_at.height_m):
+            wanted = min(limits.HOLD_CLIMB_SHARE * self._held_at.height_m, limits.HOLD_CLIMB_M)
+        climb = (
+            limits.CLIMB_SPEED if risen(self._held_at, i) < wanted and self._has_room(i) else self._climb(i)
+        )
         if i.time_s - self._since_s > 1.0 and not climb:
             self._looking.begin(i.place_ned)
             self._go(State.LOOK, Why.GROUND_UNKNOWN, i.time_s)
@@ -319,7 +310,7 @@ class Procedure:
 
     def _stop(self, i: Inputs, why: Why) -> Vector | Order:
         self._tries += 1
-        if self._tries > TRIES:
+        if self._tries > limits.TRIES:
             return self._give_back(Why.TOO_MANY_TRIES, "", i.mode, i.quiet)
         if why is Why.SPOT_HAZARD:
             self._choice.refuse()
@@ -333,17 +324,26 @@ class Procedure:
 
     def _speed(self, i: Inputs) -> float:
         most = self.options.max_speed
-        return min(most, max(SEARCH_FLOW * i.height_m, 0.4)) if math.isfinite(i.height_m) else 0.6 * most
+        return (
+            min(most, max(limits.SEARCH_FLOW * i.height_m, 0.4)) if math.isfinite(i.height_m) else 0.6 * most
+        )
 
     def _climb(self, i: Inputs) -> float:
         """Speed up to a height from which the disc is seen; 0 where it is there or may go no higher."""
-        return CLIMB_SPEED if i.height_m < 1.2 * self.options.hand_over_m and self._has_room(i) else 0.0
+        low = self._headroom.near(i) < 1.2 * self.options.hand_over_m
+        return limits.CLIMB_SPEED if low and self._has_room(i) else 0.0
 
     def _has_room(self, i: Inputs) -> bool:
-        return risen(self._begin_at, i) < CLIMB_M
+        return risen(self._begin_at, i) < limits.CLIMB_M
 
-    def _keep_level(self, i: Inputs) -> float:
-        return min(max(0.8 * (self._level - i.place_ned[2]), -CLIMB_SPEED), CLIMB_SPEED)
+    def _across(self, i: Inputs, level: tuple[float, float], room_m: float, least_m: float) -> Vector:
+        """A level velocity at the level that is kept; where there is too little room below, up and slower."""
+        share = level_share(room_m, least_m)
+        down = min(max(0.8 * (self._level - i.place_ned[2]), -limits.CLIMB_SPEED), limits.CLIMB_SPEED)
+        if not room_m > least_m:
+            down = -limits.CLIMB_SPEED if self._has_room(i) else 0.0
+            self._level = i.place_ned[2]
+        return share * level[0], share * level[1], down
 
     def _go(self, state: State, why: Why, time_s: float, about: str = "") -> None:
         self.state, self.why, self._since_s, self._about = state, why, time_s, about

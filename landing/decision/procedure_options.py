@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from landing.decision.orders import State
+from landing.decision.orders import State, Why
 from landing.decision.withheld import Withheld
 
 OUR_MODES = frozenset({"GUIDED", "OFFBOARD"})
@@ -18,6 +18,15 @@ LIMIT_S = {
     State.HOLD: 6.0,
 }
 """How long each state may take; SEARCH ends with its spiral, all of it with ``max_time_s``."""
+IN_VAIN = {
+    State.START: Why.NOT_TAKEN,
+    State.LOOK: Why.LOOKED_IN_VAIN,
+    State.CHOOSE: Why.LOOKED_IN_VAIN,
+    State.GO: Why.WAY_TOO_LONG,
+    State.DESCEND: Why.DESCENT_TOO_LONG,
+    State.HOLD: Why.LOOKED_IN_VAIN,
+}
+"""Why it gives back when that time is over."""
 LOOK_LEAST_S = 2.5
 """So long it looks before it chooses, for the choice to be one."""
 LOOK_ENOUGH_S = 12.0
@@ -49,6 +58,10 @@ SURE_S = 4.0
 """How long it circles over the place at most for its ground to be known before it comes down."""
 UNSURE_S, UNKNOWN_S = 0.3, 1.5
 """How long the chosen disc may be unknown before it comes down slower, and until it stops."""
+LOST_S = 0.5
+"""How long the height may be unknown in a flight across the ground."""
+CLIMB_UNKNOWN_S = 4.0
+"""After so long without a height it climbs while it looks: from too near the pictures show none."""
 TRIES = 4
 FENCE_MARGIN_M = 1.5
 """Beyond the search: brakes and drift."""

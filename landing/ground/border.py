@@ -137,7 +137,7 @@ class Border:
         self.moved_px = math.inf
         """Motion at the last step since the frame before, infinite where that was not looked at."""
         self._warp = Warp(camera)
-        self._barred = camera.barred(1)
+        self.barred = camera.barred(1)
         self._sides = [_Side(camera, axis, far) for axis, far in SIDES]
         self._middles = np.array([side.middle for side in self._sides])
         self._middle_rays = np.concatenate([side.middle_ray for side in self._sides])
@@ -267,9 +267,9 @@ class Border:
             warped = cv2.remap(old, at, _NO_SECOND_MAP, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT_101)
             left[:] = side.lines(cv2.subtract(new[rows, columns], warped, dtype=cv2.CV_32F))
             beside[:] = side.lines(at[..., side.axis])
-            if self._barred is not None:
-                there = cv2.remap(self._barred.astype(np.uint8), at, _NO_SECOND_MAP, cv2.INTER_NEAREST)
-                free[:] = side.lines(~(self._barred[rows, columns] | (there > 0)))
+            if self.barred is not None:
+                there = cv2.remap(self.barred.astype(np.uint8), at, _NO_SECOND_MAP, cv2.INTER_NEAREST)
+                free[:] = side.lines(~(self.barred[rows, columns] | (there > 0)))
         # per unit height, of the outer blocks and of those further in: (strip, u and v, 1, block, 1)
         shift = np.stack([place.parallax for place in places]).transpose(1, 0, 3, 2)[:, :, :, None, :, None]
         # in each block what unit height changes, what has changed, and what is the same everywhere

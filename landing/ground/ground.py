@@ -201,6 +201,18 @@ class Ground:
             return Disc(UNKNOWN, (GroundCode.NOT_SEEN,))
         return self._discs(np.array([row * CELLS + column], np.intp)).at(row, column)
 
+    def clear_m(self, reach_m: float) -> float:
+        """Height over the highest known cell within ``reach_m``, m; NaN where none is known."""
+        north, east, up = self.map.place.tolist()
+        row, column = self.map.cell_of(north, east)
+        size = math.ceil(reach_m / CELL_M)
+        part = (
+            slice(max(row - size, 0), max(row + size + 1, 0)),
+            slice(max(column - size, 0), max(column + size + 1, 0)),
+        )
+        heights = self.map.height[part][self.map.known[part]]
+        return up - float(heights.max()) if heights.size else math.nan
+
     @property
     def sight(self) -> Sight:
         """The vehicle over the ground at the newest frame."""

@@ -95,6 +95,7 @@ def passage(views: Views, plane: Plane, options: EstimatorOptions) -> Passage | 
     if moved is None:
         return None
     interval_s, length = float(moved.tau[-1]), float(np.linalg.norm(normal))
+    share = math.hypot(share, misfit(plane.fit_error, float(np.linalg.norm(moved.t[-1]))))
     to_ned = newest.ned_from_camera * (-length / interval_s)
     flow = to_ned @ moved.t[-1]
     flow_std = np.sqrt(to_ned**2 @ moved.covariance[:, -1, -1] + (share * float(np.linalg.norm(flow))) ** 2)
@@ -107,6 +108,16 @@ def passage(views: Views, plane: Plane, options: EstimatorOptions) -> Passage | 
         (newest.velocity_ned - before) / interval_s,
         float(newest.ned_from_camera @ normal @ flow) / length,
     )
+
+
+def misfit(fit_error: float, shift: float) -> float:
+    """Share of the motion over the ground that one plane leaves unexplained: over a roof's ridge or a step it is large.
+
+    ``fit_error``: mean residual of the tracks, normalised units; ``shift``: the displacement over the distance.
+    """
+    if not math.isfinite(fit_error):
+        return 0.0
+    return min(fit_error / shift, 1.0) if shift > 0 else 1.0
 
 
 class GroundVelocity:

@@ -85,11 +85,15 @@ class DenseRelief:
         height, width = self._rows * BLOCK, self._columns * BLOCK
         self._size = (height, width)
         self._grid = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
-        barred = self._barred = camera.barred(SUPPORT // 2)
+        self.take_mask()
+        self._moved, self._frames = math.inf, 0
+
+    def take_mask(self) -> None:
+        """The camera's mask has changed."""
+        barred = self._barred = self.camera.barred(SUPPORT // 2)
         column, row = np.rint(self._centres).astype(np.intp).T
         self.mask = np.zeros(len(self._centres), bool) if barred is None else barred[row, column]
         """Blocks (n,) whose window holds something that is not the ground."""
-        self._moved, self._frames = math.inf, 0
 
     @property
     def target_px(self) -> float:

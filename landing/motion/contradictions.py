@@ -1,10 +1,10 @@
 """Whether pictures, gyro and velocity speak of one motion; while they do not, there is no estimate.
 
-Three comparisons, each with its own statistic: the error of the measured rotation that the tracks show, against what
-its own uncertainty allows; the motion over the plane against the autopilot's velocity, whose direction must agree for
-some height, and whose changes tell whether the ground moves by itself; the lateness of the frames against what it was
-and against the bound of the search. The first two are means over the last second or two of chi-square per degree of
-freedom: 1 where all is well, whatever the noise.
+Three comparisons, each with its own statistic: the rotation that the tracks of a short time show, against the
+vehicle's and what both may be wrong by; the motion over the plane against the autopilot's velocity, whose direction
+must agree for some height, and whose changes tell whether the ground moves by itself; the lateness of the frames
+against what it was and against the bound of the search. The first two are means over the last second or two of
+chi-square per degree of freedom: 1 where all is well, whatever the noise.
 """
 
 import math
@@ -20,19 +20,14 @@ Array = NDArray[np.float64]
 _FORGET_S = 1.5
 """Time constant of the means, s."""
 
-_ROTATION_FAILS, _VELOCITY_FAILS = 8.0, 4.0
-"""Mean chi-square per degree of freedom above which a comparison fails.
+_ROTATION_FAILS, _VELOCITY_FAILS = 3.0, 4.0
+"""Mean chi-square per degree of freedom above which a comparison fails."""
 
-The recorded flights stay below; a simulated one high up and slow does not always: its baselines last for seconds."""
+_HOLDS = 1.5
+"""The same below which it holds again."""
 
-_HOLDS_SHARE = 0.375
-"""Share of that limit below which it holds again."""
-
-_LEAST_WEIGHT = 30.0
-"""Degrees of freedom behind a mean before it may fail."""
-
-_LEAST_SHARE = 1e-3
-"""Directions of the rotation of which the tracks know less than this share of the prior's variance are left out."""
+_LEAST_ROTATION, _LEAST_VELOCITY = 12.0, 30.0
+"""Degrees of freedom behind a mean before it may fail; rotations come ten times a second, velocities at each frame."""
 
 _DRIFT = 0.3
 """Slow error of the autopilot's velocity, one sigma of an axis, m/s: GPS drift, a slow filter, wind estimates."""
@@ -51,6 +46,7 @@ class Mean:
     """A mean of chi-square per degree of freedom that forgets, and whether it fails (with hysteresis)."""
 
     limit: float
+    least_weight: float
     total: float = 0.0
     weight: float = 0.0
     fails: bool = False
@@ -60,29 +56,8 @@ class Mean:
         kept = math.exp(-max(passed_s, 0.0) / _FORGET_S)
         self.total, self.weight = kept * self.total + chi2, kept * self.weight + freedom
         mean = self.total / self.weight if self.weight > 0 else 0.0
-        if self.weight >= _LEAST_WEIGHT:
-            self.fails = mean > (_HOLDS_SHARE * self.limit if self.fails else self.limit)
-
-
-def rotation_chi2(
-    mean: Array, covariance: Array, prior_std: Array, more_std: Array | float = 0.0
-) -> tuple[float, int]:
-    """Chi-square and degrees of freedom of a rotation error (3,) rad found under a prior of zero mean.
-
-    The posterior mean has the covariance prior minus posterior, when prior and tracks are right. ``more_std`` (3,):
-    errors that the prior leaves out: of the attitudes, of the frames' lateness and of the rows' readout.
-    """
-    prior = prior_std**2
-    if not (np.all(np.isfinite(mean)) and np.all(np.isfinite(covariance))):
-        return 0.0, 0
-    variance, axes = np.linalg.eigh(np.diag(prior) - covariance)
-    # the tracks find of a further error the share that they find of the prior's
-    found = variance / float(prior.max())
-    more = axes.T**2 @ np.broadcast_to(np.square(more_std), 3)
-    variance = variance + found**2 * more
-    determined = variance > _LEAST_SHARE * float(prior.max())
-    along = (axes.T @ mean)[determined]
-    return float(np.sum(along**2 / variance[determined])), int(np.count_nonzero(determined))
+        if self.weight >= self.least_weight:
+            self.fails = mean > (_HOLDS if self.fails else self.limit)
 
 
 def velocity_chi2(velocity: Array, velocity_std: float, omega: Array, omega_std: Array) -> float:
@@ -103,7 +78,7 @@ class Contradictions:
     """Feed it every frame; ``failing`` names the comparisons that fail, the first one is the status."""
 
     def __init__(self) -> None:
-        self._rotation, self._velocity = Mean(_ROTATION_FAILS), Mean(_VELOCITY_FAILS)
+        self._anew()
         self._late_before_s: float | None = None
         self._late_fails = self._ground_moves = False
         self._last_s: float | None = None
@@ -146,8 +121,12 @@ class Contradictions:
 
         What was compared before was of other moments.
         """
-        self._rotation, self._velocity = Mean(_ROTATION_FAILS), Mean(_VELOCITY_FAILS)
+        self._anew()
         self._late_before_s = None
+
+    def _anew(self) -> None:
+        self._rotation = Mean(_ROTATION_FAILS, _LEAST_ROTATION)
+        self._velocity = Mean(_VELOCITY_FAILS, _LEAST_VELOCITY)
 
     def _step_ground(self, speed_m_s: float, std_m_s: float) -> None:
         if speed_m_s - _MOVES_SIGMAS * std_m_s > _MOVES_M_S:

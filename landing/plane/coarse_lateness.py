@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from landing.motion.views import Views
-from landing.plane.planefit import FitPrior, fit_plane
+from landing.plane.turn_comparison import picture_rotation
 from landing.rotations import log_so3
 
 Array = NDArray[np.float64]
@@ -22,10 +22,6 @@ EARLIEST_S, LATEST_S = -0.1, 0.6
 _STEP_S = 0.02
 _SPAN_S, _EVERY_S = 0.1, 0.1
 """Between the two frames of a pair, and from one pair to the next."""
-_TRACKS, _LEAST_TRACKS = 60, 20
-"""Tracks that a pair is fitted to, and fewest."""
-_LOOSE_RAD = 0.1
-"""Trust in the measured rotation, one sigma of an axis."""
 _NOISE_RAD = 1e-3
 """What the rotation between two frames is wrong by whatever the tracks say: of attitudes, lens and rows."""
 _PAIRS, _LEAST_PAIRS = 150, 25
@@ -102,18 +98,11 @@ class CoarseLateness:
     def _see(self, views: Views) -> None:
         """The rotation over the last span, from the tracks."""
         newest = views.newest
-        gap = views.reach(_SPAN_S)
-        slots = views.tracker.common(gap)
-        measured = views.rotation(gap)
-        if len(slots) < _LEAST_TRACKS or measured is None:
+        found = picture_rotation(views, _SPAN_S)
+        if found is None:
             return
-        tracks = views.over(gap, slots[:: max(1, len(slots) // _TRACKS)])
-        fit = fit_plane(
-            tracks.new, tracks.old, measured, tracks.whitener, FitPrior(rotation_std=np.full(3, _LOOSE_RAD))
-        )
+        gap, fit = found
         self._last_s = newest.time_s
-        if fit is None or not fit.converged:
-            return
         covariance = fit.covariance[5:, 5:] + np.eye(3) * _NOISE_RAD**2
         whitener: Array = np.linalg.cholesky(np.linalg.inv(covariance)).T.astype(np.float64)
         seen = whitener @ log_so3(fit.old_from_new)

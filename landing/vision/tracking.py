@@ -69,15 +69,20 @@ class FeatureTracker:
         self.refused = 0
         self.images: deque[Image] = deque(maxlen=self.IMAGES)
         """The last pictures as they were matched, the newest first."""
-        self._barred = camera.barred(options.window_px // 2)
-        """Pixels (height, width) about which a window would hold something else than ground."""
-        self._shown = None if camera.mask is None else np.where(camera.mask, 0, 255).astype(np.uint8)
+        self.take_mask()
         self._reference = Reference(camera, options)
         self._texture = Texture(camera, options)
         self._corners = Corners(camera, options)
         self._twin_columns = math.ceil(camera.width / options.twin_px)
         twin_cells = self._twin_columns * math.ceil(camera.height / options.twin_px)
         self._oldest = np.zeros(max(twin_cells, self._corners.cells), np.int64)
+
+    def take_mask(self) -> None:
+        """The camera's mask has changed: tracks that it covers end with the next frame."""
+        mask = self.camera.mask
+        self._barred = self.camera.barred(self.options.window_px // 2)
+        """Pixels (height, width) about which a window would hold something else than ground."""
+        self._shown = None if mask is None else np.where(mask, 0, 255).astype(np.uint8)
 
     def reset(self) -> None:
         """Forget all tracks: the next frame starts anew."""

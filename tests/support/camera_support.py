@@ -28,7 +28,15 @@ def textured(number: int, width: int = 160, height: int = 120) -> NDArray[np.uin
 class MjpegServer:
     """HTTP server whose one page is a stream of JPEGs; ``pause`` makes it fall silent, ``drop`` cuts the line."""
 
-    def __init__(self, frames: Iterable[NDArray[np.uint8]], rate_hz: float = 30.0, port: int = 0) -> None:
+    def __init__(
+        self,
+        frames: Iterable[NDArray[np.uint8]],
+        rate_hz: float = 30.0,
+        port: int = 0,
+        cut: frozenset[int] | set[int] = frozenset(),
+    ) -> None:
+        """``cut``: numbers of the frames of which only the first half is sent, as a complete part."""
+        self._cut = cut
         self.rate_hz = rate_hz
         self.pause = threading.Event()
         self.drop = threading.Event()
@@ -61,12 +69,13 @@ class MjpegServer:
 
     def _send(self, out) -> None:
         due = time.monotonic()
-        for image in self._source:
+        for number, image in enumerate(self._source):
             while self.pause.is_set() and not self._stop.is_set():
                 time.sleep(0.02)
             if self._stop.is_set() or self.drop.is_set():
                 return
             jpeg = cv2.imencode(".jpg", image)[1].tobytes()
+            jpeg = jpeg[: len(jpeg) // 2] if number in self._cut else jpeg
             out.write(
                 b"--frame\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n" % len(jpeg)
                 + jpeg

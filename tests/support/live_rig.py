@@ -9,19 +9,32 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 
-from companion.core.decision_logic import DecisionLogic
+from estimates import FLAT
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.core.decision_logic import DecisionLogic, Followed, LandRequest
+from companion.core.health import HealthMonitor
 from companion.live.commander import Commander
-from companion.settings.settings import MavlinkSettings
+from companion.messages.messages import Decision, Event, Message
+from companion.settings.link_options import link_options
+from companion.settings.settings import LandingSettings, MavlinkSettings, Settings, VehicleSettings
 from drivers.mavlink.link import Link
-from drivers.samples import Sample
+from drivers.samples import Frame, Sample
 from drivers.simulated.vehicle.autopilot import SimulatedAutopilot
 from drivers.simulated.vehicle.firmware import Firmware
 from drivers.simulated.vehicle.vehicle import Multirotor
 from drivers.system import host_clock
+from drivers.system.host_clock import now_us
+from landing.estimate import SurfaceEstimate
 
 PATIENCE_S = 60.0
 STEP_S, MOST_S = 0.03, 0.1
+LAND = mavlink.MAV_CMD_NAV_LAND
+STEEP = replace(FLAT, inclination_deg=30.0, flat=False)
+SILENCE_US = 2_000_000
+"""On the rig's clock: twice as long as a verdict has to stand."""
 
 
 class LiveRig:
@@ -95,3 +108,68 @@ class LiveRig:
             while not self._samples.empty():
                 samples.append(self._samples.get())
             self.step(samples)
+
+
+class Flight(LiveRig):
+    """Everything between the autopilot and the decision, with a surface that the test chooses."""
+
+    def __init__(self, firmware: Firmware, mode: str, **landing: object) -> None:
+        super().__init__(firmware, mode, 30.0)
+        settings = Settings(
+            vehicle=VehicleSettings(system_id=1),
+            mavlink=self.mavlink,
+            landing=LandingSettings(**landing),
+        )
+        self.settings = settings
+        self.surface = STEEP
+        self.command = "none"
+        self._frame = 0
+        self.link = Link(link_options(settings), self.put)
+        self.commander = Commander(self.link, self.put)
+        self._health = HealthMonitor(settings.health, True)
+        self.logic = DecisionLogic(settings, self._health, by_pilot=True)
+
+    def where(self) -> object:
+        return self.codes, self.command, self.events
+
+    @property
+    def lands(self) -> int:
+        return self.orders(LAND)
+
+    def silent(self) -> None:
+        """No command to land in a while over the best of surfaces."""
+        lands, self.surface = self.lands, FLAT
+        self.later(SILENCE_US)
+        assert self.lands == lands, self.events
+
+    def published(self, message: Message) -> None:
+        """What is published comes here, for tests that look further."""
+
+    def seen(self, at_us: int) -> SurfaceEstimate:
+        """The surface of the next frame."""
+        return self.surface
+
+    def later(self, duration_us: int) -> None:
+        """Let that much time of the rig's clock pass."""
+        until_us = now_us() + duration_us
+        self.wait(lambda: now_us() >= until_us, "time")
+
+    def step(self, samples: list[Sample]) -> None:
+        now = now_us()
+        self._frame += 1
+        self._health.count(Frame(self._frame, now, now, None), now)
+        out: list[object] = []
+        for sample in samples:
+            self._health.count(sample, now)
+            if isinstance(sample, Followed):
+                out += self.logic.follow(sample, now, now)
+        out += self.logic.see(replace(self.seen(now), frame=self._frame, time_s=now * 1e-6), now, now)
+        for each in out:
+            if isinstance(each, LandRequest):
+                self.commander.request(each)
+            elif isinstance(each, Event):
+                self.events.append(each.event)
+            elif isinstance(each, Decision):
+                self.codes, self.command = each.withheld_codes or ("none",), each.command_code
+            if isinstance(each, Decision | Event):
+                self.published(each)

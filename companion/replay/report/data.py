@@ -56,17 +56,27 @@ def report_data(history: History, limits: DecisionOptions, recorder: ReportRecor
 
 
 def verdict_spans(history: History) -> list[dict[str, Any]]:
-    """Stretches of one verdict with the reasons that were given first."""
+    """Stretches of one verdict. ``steps``: [from when, reasons then], as long as the same kinds of reasons stood;
+    ``shares``: [a reason in its first words, how many seconds it stood], the longest first. Several may stand at once.
+    """
     spans: list[dict[str, Any]] = []
-    for at, decision in history.decisions:
-        if spans and spans[-1]["verdict"] == decision.verdict:
-            spans[-1]["reasons"] = spans[-1]["reasons"] or list(decision.reasons)
-            continue
-        if spans:
-            spans[-1]["end"] = round(at, 3)
-        spans.append({"start": round(at, 3), "verdict": decision.verdict, "reasons": list(decision.reasons)})
-    if spans:
-        spans[-1]["end"] = round(max(history.duration_s, spans[-1]["start"]), 3)
+    moments = [at for at, _ in history.decisions[1:]] + [history.duration_s]
+    for (at, decision), until in zip(history.decisions, moments, strict=False):
+        start, end = round(at, 3), round(max(at, until), 3)
+        if not spans or spans[-1]["verdict"] != decision.verdict:
+            spans.append({"start": start, "verdict": decision.verdict, "steps": [], "shares": {}})
+        span = spans[-1]
+        span["end"] = end
+        if not span["steps"] or span["codes"] != decision.reason_codes:
+            span["steps"].append([start, list(decision.reasons)])
+            span["codes"] = decision.reason_codes
+        for code, words in zip(decision.reason_codes, decision.reasons, strict=False):
+            share = span["shares"].setdefault(code, [words, 0.0])
+            share[1] += end - start
+    for span in spans:
+        del span["codes"]
+        shares = sorted(span["shares"].values(), key=lambda share: -share[1])
+        span["shares"] = [[words, round(seconds, 3)] for words, seconds in shares]
     return spans
 
 

@@ -7,6 +7,7 @@ import platform
 from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 from pathlib import Path
+from typing import Any
 
 from companion.errors import LandslopeError
 from companion.messages.messages import Health
@@ -23,6 +24,8 @@ PACKAGES = ("landslope", "numpy", "opencv-python-headless", "pymavlink", "mavsdk
 VERDICTS = {"fit": "FIT TO LAND", "unfit": "NOT FIT", "unknown": "UNKNOWN"}
 SIGNS = {"fit": "✓", "unfit": "✕", "unknown": "?"}
 MOST_EVENTS = 2000
+ALL_OF_IT = 0.98
+"""Share of a stretch from which a reason counts as standing throughout."""
 
 Row = Sequence[str]
 
@@ -84,16 +87,30 @@ def _below(history: History, settings: Settings) -> str:
         (
             f"{span['start']:.1f} to {span['end']:.1f} s",
             f"{SIGNS[span['verdict']]} {VERDICTS[span['verdict']]}",
-            "; ".join(span["reasons"]) or "nothing against it",
+            "; ".join(_shares(span)) or "nothing against it",
         )
         for span in verdict_spans(history)
     ]
     return (
         '<section class="card"><h2>What was below</h2>'
         + _table("Surface along the way", ("time", "surface", "inclination"), rows)
-        + _table("Verdict along the way", ("time", "verdict", "what stood against a landing"), verdicts)
+        + _table(
+            "Verdict along the way",
+            ("time", "verdict", "what stood against a landing, and how long of it"),
+            verdicts,
+        )
         + "</section>"
     )
+
+
+def _shares(span: dict[str, Any]) -> list[str]:
+    """The reasons of a stretch with the time for which each stood; its whole time goes without saying."""
+    whole_s = span["end"] - span["start"]
+    lines = []
+    for words, seconds in span["shares"]:
+        share = seconds / whole_s if whole_s > 0 else 1.0
+        lines.append(words if share > ALL_OF_IT else f"{words} ({seconds:.1f} s, {share:.0%})")
+    return lines
 
 
 def _video(video: bytes) -> str:

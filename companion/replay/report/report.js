@@ -162,9 +162,9 @@ function drawMap() {
 function tell() {
   const box = document.getElementById("cursor");
   if (!box || !data.times.length) return;
-  const s = spanAt(cursor), i = indexAt(cursor), mode = data.modes.filter(m => m[0] <= cursor).pop();
+  const s = spanAt(cursor), reasons = ((s && s.steps.filter(step => step[0] <= cursor).pop()) || [0, []])[1], i = indexAt(cursor), mode = data.modes.filter(m => m[0] <= cursor).pop();
   const value = (name, digits, unit) => { const v = data.plots.find(p => p.name === name).lines[0].values[i]; return v === null ? "unknown" : v.toFixed(digits) + unit; };
-  box.textContent = `${cursor.toFixed(1)} s: ${s ? words[s.verdict] : "UNKNOWN"}` + (s && s.reasons.length ? ` (${s.reasons.join("; ")})` : "") +
+  box.textContent = `${cursor.toFixed(1)} s: ${s ? words[s.verdict] : "UNKNOWN"}` + (reasons.length ? ` (${reasons.join("; ")})` : "") +
     `. Inclination ${value("inclination", 1, "°")}, roughness ${value("roughness", 4, "")}, distance ${value("height", 1, " m")}` + (mode ? `, mode ${mode[1]}` : "") + ".";
 }
 

@@ -9,7 +9,8 @@ def test_figures_of_a_short_run_are_possible() -> None:
     assert 1 < figures.frames <= 75
     assert 0 < figures.software_median_ms <= figures.total_median_ms < 60_000
     assert figures.software_median_ms <= figures.software_p95_ms
-    assert 0 < figures.cpu_ms_per_frame < 200
+    assert 0 < figures.pipeline_ms_per_frame < figures.cpu_ms_per_frame < 200
+    assert set(figures.parts_ms_per_frame) == {"core", "link", "camera", "others"}
     assert 30 < figures.rss_mb < 400
     assert "160x120" in table([figures])
 

@@ -14,9 +14,7 @@ from companion.calibration.time_offset import (
     TimeOffset,
     TimeOffsetOptions,
     _exp,
-    _jackknife,
     _log,
-    _minimum,
     measure_time_offset,
 )
 from companion.cli import main
@@ -103,33 +101,6 @@ def test_a_plain_video_is_refused(tmp_path, capsys):
     video = SITL_LOGS / "agile_a" / "camera.mkv"
     assert main(["calibrate", "--time-offset", str(video)]) == 2
     assert "telemetry is needed" in capsys.readouterr().err
-
-
-@given(st.floats(-0.24, 0.24), st.floats(0.1, 10))
-def test_the_minimum_of_a_parabola_is_found_between_the_samples(place, bend):
-    shifts = np.arange(-0.25, 0.2501, 0.004)
-    found, at_edge = _minimum(shifts, bend * (shifts - place) ** 2)
-    assert found == pytest.approx(place, abs=1e-9)
-    assert not at_edge
-
-
-def test_a_minimum_at_the_edge_is_none():
-    shifts = np.arange(5.0)
-    assert _minimum(shifts, shifts)[1]
-    assert _minimum(shifts, -shifts)[1]
-
-
-def test_the_jackknife_gives_the_spread_that_repetition_shows():
-    """Many made-up measurements of an offset of zero: their spread is what the jackknife of each one claims."""
-    random = np.random.default_rng(4)
-    shifts = np.arange(-20, 21) * 0.5
-    claims, results = [], []
-    for _ in range(200):
-        terms = (shifts[:, None] - random.normal(0, 3, 120)[None, :]) ** 2
-        offset, _ = _minimum(shifts, terms.sum(axis=1))
-        results.append(offset)
-        claims.append(_jackknife(shifts, terms, offset, 12))
-    assert np.mean(claims) == pytest.approx(np.std(results), rel=0.2)
 
 
 @given(st.lists(st.floats(-1.5, 1.5), min_size=3, max_size=3))

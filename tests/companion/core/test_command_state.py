@@ -37,6 +37,8 @@ def followed(*steps: Sample | str) -> list[str]:
     for step in steps:
         if step == "hold":
             state.hold()
+        elif step == "request":
+            changes += state.request(0)
         elif step == "reset":
             state.reset()
         elif step == "failsafe":
@@ -106,6 +108,20 @@ STORIES = [
         ["accepted", "landing", "failsafe: the autopilot left LAND in a failsafe"],
     ),
     ((answer("ACCEPTED"), beat("LAND"), "failsafe", beat("LAND")), ["accepted", "landing"]),
+    # Accepted, and the next mode that is heard is neither LAND nor the one before nor a stop: LAND came and went.
+    (
+        (beat("POSCTL"), "request", answer("ACCEPTED"), beat("ALTCTL")),
+        ["requested", "accepted", "taken over: the mode left LAND"],
+    ),
+    (
+        (beat("POSCTL"), "request", answer("ACCEPTED"), "failsafe", current("RTL")),
+        ["requested", "accepted", "failsafe: the autopilot left LAND in a failsafe"],
+    ),
+    (
+        (beat("POSCTL"), "request", answer("ACCEPTED"), beat("POSCTL"), beat("HOLD")),
+        ["requested", "accepted"],
+    ),
+    ((answer("ACCEPTED"), beat("ALTCTL")), ["accepted"]),
     # A takeover within one heartbeat is seen by the landed state; CURRENT_MODE tells the mode earlier.
     (
         (answer("ACCEPTED"), landed("landing"), landed("in_air"), beat("POSCTL")),

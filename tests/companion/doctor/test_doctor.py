@@ -5,6 +5,7 @@ import shutil
 import socket
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -18,12 +19,12 @@ from companion.doctor.camera import CameraExamination, blur_of
 from companion.doctor.doctor import examine
 from companion.doctor.findings import DoctorOptions, Finding, exit_code
 from companion.doctor.link import LinkExamination
-from companion.doctor.system import disk_findings, instance_findings, settings_findings, zenoh_findings
+from companion.doctor.system import disk_findings, settings_findings, zenoh_findings
+from companion.live.kept_mask import KeptMask
 from companion.settings.settings import Settings
 from companion.settings.settings_file import LoadedSettings, load
 from drivers.files.video_file import VideoFile
 from drivers.simulated.vehicle.autopilot import SimulatedAutopilot
-from drivers.system.single_instance import SingleInstance
 
 STAIRS = SITL_LOGS / "stairs_a"
 OPTIONS = DoctorOptions()
@@ -133,6 +134,22 @@ def test_settings_that_do_not_load_end_with_two(tmp_path, capsys):
     assert main(["doctor", "--seconds", "1"]) == 2
 
 
+def test_what_is_masked_is_named(tmp_path, monkeypatch):
+    monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
+    settings = loaded(f"camera.source={STAIRS}", f"camera.calibration={STAIRS / 'camera.yaml'}").settings
+    assert "mask" not in watched(settings, 3)
+    mask = np.zeros((240, 320), bool)
+    mask[:, :32] = True
+    KeptMask(settings.camera).save(mask, 0)
+    seen = watched(settings, 3)["mask"]
+    assert (seen.level, str(tmp_path) in seen.text, "10%" in seen.text) == ("ok", True, True)
+    mask[:, :160] = True
+    KeptMask(settings.camera).save(mask, 0)
+    assert watched(settings, 3)["mask"].level == "warning"
+    unlearnt = replace(settings, camera=replace(settings.camera, learn_mask=False))
+    assert "mask" not in watched(unlearnt, 3)
+
+
 def test_a_calibration_of_another_size_fails():
     with MjpegServer(moving(160, 120)) as server:
         source = (f"camera.source={server.url}", f"camera.calibration={STAIRS / 'camera.yaml'}")
@@ -220,15 +237,6 @@ def test_a_link_that_loses_messages_shows_in_the_rates():
     assert seen["link"].level == "ok"
     assert seen["attitude"].level == "warning"
     assert "baud rate" in seen["attitude"].remedy
-
-
-def test_a_running_landslope_is_named():
-    settings = loaded("vehicle.name=doctors_patient").settings
-    assert not list(instance_findings(settings))
-    with SingleInstance("doctors_patient"):
-        (finding,) = instance_findings(settings)
-    assert finding.level == "warning"
-    assert "systemctl stop" in finding.remedy
 
 
 @pytest.mark.parametrize(("free_mb", "level"), [(10, "failure"), (1000, "warning"), (100_000, "ok")])

@@ -88,7 +88,7 @@ def test_a_wheel_carries_all_the_files():
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())
     globs = project["tool"]["setuptools"]["data-files"]["share/landslope/systemd"]
     carried = {path for glob in globs for path in REPOSITORY.glob(glob)}
-    assert carried == set((REPOSITORY / "systemd").iterdir())
+    assert carried == {path for path in (REPOSITORY / "systemd").iterdir() if path.is_file()}
 
 
 def test_shipped_files_are_found_in_an_installation_without_the_repository(tmp_path, monkeypatch):
@@ -200,8 +200,17 @@ def test_in_a_chroot_units_are_enabled_and_nothing_is_asked_of_a_systemd_that_do
     assert not any("daemon-reload" in text or "udevadm" in text or "try-restart" in text for text in said)
     said = [step.text for step in uninstall_steps(InstallOptions(), purge=True)]
     assert "run userdel landslope" in said
+    assert any(text.startswith("remove the group landslope") for text in said)
     assert "run systemctl disable landslope.service" in said
     assert not any("daemon-reload" in text for text in said)
+
+
+def test_beside_the_debian_package_it_refuses(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(install.os, "geteuid", lambda: 0)
+    monkeypatch.setattr(install, "DEBIAN_PACKAGE", tmp_path / "landslope.list")
+    (tmp_path / "landslope.list").touch()
+    assert main(["install"]) == 2
+    assert "upgrade it with 'apt install ./landslope_*.deb'" in capsys.readouterr().err
 
 
 def test_the_next_step_is_a_command_that_is_found(tmp_path, capsys):

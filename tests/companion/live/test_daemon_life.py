@@ -12,9 +12,11 @@ from daemon_support import PATIENCE_S, DaemonBench, wait_for
 from flight_edits import During
 from ports import free_tcp_port
 
+from companion.doctor.running import running
 from companion.live.inputs import Inputs
 from drivers.bus import Endpoints, Subscription, open_session
 from drivers.errors import DriverError
+from drivers.system.single_instance import health_path
 
 
 def test_lands_once_on_fit_ground_and_follows_the_command(tmp_path) -> None:
@@ -26,6 +28,12 @@ def test_lands_once_on_fit_ground_and_follows_the_command(tmp_path) -> None:
         health = bench.of("health")[-1]
         assert bench.wrong_now() == [], health["problems"]
         assert health["pipeline_ms"] > 0
+        service = running(bench.daemon.settings)
+        assert service is not None
+        assert service.health is not None, "the doctor reads it beside the lock"
+        assert service.health.inputs.keys() == health["inputs"].keys()
+    assert running(bench.daemon.settings) is None
+    assert not health_path(service.lock).exists()
 
 
 @pytest.mark.parametrize(

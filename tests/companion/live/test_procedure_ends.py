@@ -45,16 +45,19 @@ class PerfectGround:
 
     def __init__(self, vehicle: Multirotor) -> None:
         self._vehicle = vehicle
-        self.error_m = 0.0
+        self.error_m = self.error_up_m = 0.0
 
     @property
     def sight(self) -> Sight:
         n, e, d = self._vehicle.position
-        return Sight((n + self.error_m, e, d), self._vehicle.velocity, -d, 0.05, 0.0)
+        return Sight((n + self.error_m, e, d - self.error_up_m), self._vehicle.velocity, -d, 0.05, 0.0)
 
     def spots(self) -> tuple[Spot, ...]:
         n, e, _ = self._vehicle.position
         return (Spot(5.0 - n, -e, 0.5, 0.5, 0.0, 3.0),)
+
+    def clear_m(self, reach_m: float) -> float:
+        return -self._vehicle.position[2]
 
     def at(self, north_m: float, east_m: float) -> Disc:
         return Disc(LANDABLE, (), 0.5, 0.1, 0.0, 1.0)
@@ -77,6 +80,7 @@ class Flight(LiveRig):
             landing=LandingSettings(**options),
         )
         self.frames, self.status, self.flat = True, Status.OK, False
+        self.ground_speed_m_s = 0.05
         self._frames_seen = 0
         self.ground = PerfectGround(self.vehicle)
         self.state, self.why, self.given_back = "", "", ""
@@ -154,7 +158,13 @@ class Flight(LiveRig):
             self._frames_seen += 1
             self._health.count(Frame(self._frames_seen, now, now, None), now)
             seen = replace(
-                FLAT, frame=self._frames_seen, time_s=now * 1e-6, status=self.status, flat=self.flat
+                FLAT,
+                frame=self._frames_seen,
+                time_s=now * 1e-6,
+                status=self.status,
+                flat=self.flat,
+                ground_speed_m_s=self.ground_speed_m_s,
+                ground_speed_std_m_s=0.05,
             )
             out += self.logic.see(seen, now, now, 0.0)
         for each in out:
@@ -240,6 +250,20 @@ def test_the_fence(fly) -> None:
     flight.flying()
     flight.ground.error_m = 30.0
     flight.over("fence_distance", holds=True)
+
+
+def test_the_fence_of_height(fly) -> None:
+    flight = fly()
+    flight.flying()
+    flight.ground.error_up_m = 9.0
+    flight.over("fence_height", holds=True)
+
+
+def test_ground_that_moves(fly) -> None:
+    flight = fly()
+    flight.flying()
+    flight.ground_speed_m_s = 1.0
+    flight.over("ground_moves", holds=True)
 
 
 def test_time(fly) -> None:

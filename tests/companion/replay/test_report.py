@@ -5,13 +5,16 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from folder_edits import short_flight
-from monitor_support import CHROMEDRIVER, CHROMIUM, Browser, eventually
+from monitor_support import CHROMEDRIVER, CHROMIUM, Browser, decision, estimate, eventually
 
 from companion import cli
 from companion.messages.ground_cells import NO_HEIGHT, cells_of, drawable
+from companion.replay.history import History
+from companion.replay.report.data import verdict_spans
 
 VIDEO = "document.getElementById('video')"
 
@@ -125,3 +128,33 @@ def test_a_map_that_does_not_fit_its_own_size_is_not_drawn(changes: dict):
     shown = drawable(message)
     assert shown is not None
     assert "map" not in shown
+
+
+def test_every_reason_of_a_stretch_has_its_time():
+    history = History()
+    for frame in range(100):
+        history.add(msgspec.structs.replace(estimate(frame), time_unix_us=frame * 1_000_000 // 30))
+        if frame % 10 == 0:
+            steep, rough = ("too_steep", "too steep"), ("too_rough", f"too rough: {frame}")
+            stand = [rough] if frame < 20 else [steep] if frame < 60 else [steep, rough] if frame < 70 else []
+            history.add(
+                decision(
+                    frame=frame,
+                    verdict="unfit" if stand else "fit",
+                    reasons=tuple(words for _, words in stand),
+                    reason_codes=tuple(code for code, _ in stand),
+                )
+            )
+    unfit, fit = verdict_spans(history)
+    step_s = 10 / 30
+    assert unfit["shares"] == [
+        ["too steep", pytest.approx(5 * step_s, abs=0.05)],
+        ["too rough: 0", pytest.approx(3 * step_s, abs=0.05)],
+    ]
+    assert [reasons for _, reasons in unfit["steps"]] == [
+        ["too rough: 0"],
+        ["too steep"],
+        ["too steep", "too rough: 60"],
+    ]
+    assert fit["shares"] == []
+    assert unfit["end"] == fit["start"] == pytest.approx(7 * step_s, abs=0.05)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from landing.decision.fence import CLIMB_MARGIN_M
-from landing.decision.orders import MOVING, Inputs, OrderKind, State
+from landing.decision.orders import MOVING, GroundMotion, Inputs, OrderKind, State
 from landing.decision.procedure import Procedure
 from landing.decision.procedure_options import CLIMB_M, FENCE_MARGIN_M, ProcedureOptions
 from landing.decision.withheld import Withheld
@@ -45,6 +45,7 @@ events = st.sampled_from(
         "away",
         "high",
         "renewed",
+        "ground_moves",
         "late",
     ]
 )
@@ -59,10 +60,13 @@ def test_no_setpoint_leaves_that_should_not(steps):
     time_s, place, height, used, mode = 0.0, [0.0, 0.0, 0.0], 4.0, False, "GUIDED"
     begun = None
     ended = False
+    rest = GroundMotion.AT_REST
     for dt, found, disc, approach, what in steps:
         time_s += dt + (1.0 if what == "late" else 0.0)
         if what == "renewed":
-            used, mode, ended = False, "GUIDED", False
+            used, mode, ended, rest = False, "GUIDED", False, GroundMotion.AT_REST
+        if what == "ground_moves":
+            rest = GroundMotion.MOVES
         if what == "mode":
             mode = "LOITER"
         if what == "away":
@@ -96,6 +100,8 @@ def test_no_setpoint_leaves_that_should_not(steps):
                 yaw=0.3,
                 height_m=height,
                 approach=approach,
+                ground_motion=rest,
+                clear_m=height,
                 below=disc,
                 at_spot=disc,
                 spots=found,

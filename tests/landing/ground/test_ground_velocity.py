@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from landing.ground.ground_velocity import GroundVelocity, Passage
+from landing.ground.ground_velocity import GroundVelocity, Passage, misfit
 
 FRAME_S, INTERVAL_S = 1 / 15, 0.5
 
@@ -127,3 +127,34 @@ def test_a_passage_without_time_changes_nothing():
     still = Passage(INTERVAL_S, np.zeros(3), np.full(3, 0.01), np.zeros(3), 0.0, np.zeros(3), 0.0)
     found.step(FRAME_S, replace(still, flow=np.full(3, 0.01)))
     assert math.isnan(found.speed_m_s)
+
+
+def over_a_ridge(share):
+    """The fastest that the ground seems, over ground whose plane is wrong by 30 % to either side every 1.5 s."""
+    filtered, seen_m_s = GroundVelocity(), 0.0
+    filtered.step(0.0, None)
+    for k in range(240):
+        time_s = k * FRAME_S
+        north = 0.9 * math.sin(1.1 * time_s)
+        wrong = 1.3 if int(time_s / 1.5) % 2 else 0.7
+        flow = np.array((north * wrong / 4.0, 0.0, 0.1 * (wrong - 1)))
+        std = np.full(3, math.hypot(0.003, share * float(np.linalg.norm(flow))))
+        told = np.array((north, 0.0, 0.0))
+        change = np.array((0.99 * math.cos(1.1 * time_s), 0.0, 0.0))
+        filtered.step(FRAME_S, Passage(INTERVAL_S, flow, std, told, 0.03, change, 0.0))
+        if time_s > 3 and math.isfinite(filtered.speed_m_s):
+            seen_m_s = max(seen_m_s, filtered.speed_m_s - 2 * filtered.std_m_s)
+    return seen_m_s
+
+
+def test_ground_that_is_no_plane_does_not_seem_to_move():
+    fit_error, shift = 0.3 * 0.1, 0.1
+    assert over_a_ridge(math.hypot(0.02, misfit(fit_error, shift))) < 0.1
+    assert over_a_ridge(0.02) > 0.1
+
+
+def test_what_a_plane_leaves_unexplained_is_a_share_of_the_motion():
+    assert misfit(0.01, 0.1) == pytest.approx(0.1)
+    assert misfit(math.nan, 0.1) == 0.0
+    assert misfit(0.01, 0.0) == 1.0
+    assert misfit(1.0, 0.1) == 1.0

@@ -5,11 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from landing.motion.contradictions import Contradictions, rotation_chi2, velocity_chi2
+from landing.motion.contradictions import Contradictions, velocity_chi2
 from landing.reasons import Status
 
-PRIOR = np.array((1e-3, 1e-3, 1e-3))
-POSTERIOR = np.diag((0.2e-6, 0.5e-6, 0.9e-6))
 NONE = (0.0, 0)
 
 
@@ -31,21 +29,6 @@ def run(
         reported = [c() if callable(c) else c for c in (rotation, velocity)]
         comparisons.step(start_s + k / 30, reported[0], reported[1], ground, late_s, late_std_s)
     return comparisons.failing
-
-
-def test_the_chi_square_of_a_rotation_under_its_own_noise_has_its_degrees_of_freedom():
-    random = np.random.default_rng(1)
-    spread = np.sqrt(PRIOR**2 - np.diag(POSTERIOR))
-    found = [rotation_chi2(random.normal(0, spread), POSTERIOR, PRIOR) for _ in range(4000)]
-    assert {freedom for _, freedom in found} == {3}
-    assert np.mean([chi2 for chi2, _ in found]) == pytest.approx(3, abs=0.15)
-
-
-def test_directions_that_the_tracks_do_not_show_do_not_count():
-    chi2, freedom = rotation_chi2(np.array((1e-3, 0, 0)), np.diag((0.2e-6, 1e-6, 1e-6)), PRIOR)
-    assert freedom == 1
-    assert chi2 == pytest.approx(1.25)
-    assert rotation_chi2(np.full(3, np.nan), POSTERIOR, PRIOR) == (0.0, 0)
 
 
 @pytest.mark.parametrize("height", [0.5, 3.0, 40.0])
@@ -108,7 +91,7 @@ def test_one_wild_frame_is_no_contradiction():
 
 
 def test_few_comparisons_do_not_fail():
-    assert run(Contradictions(), 0.2, (60.0, 3)) == ()
+    assert run(Contradictions(), 0.1, (60.0, 3)) == ()
 
 
 def test_a_contradiction_stays_while_nothing_can_be_compared():
