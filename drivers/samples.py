@@ -67,6 +67,22 @@ class Velocity:
 
 
 @dataclass(frozen=True, slots=True)
+class Distance:
+    """DISTANCE_SENSOR of a rangefinder that looks down along the body's z axis.
+
+    ``distance_m`` is None out of the sensor's own limits and where it calls the signal bad; ``std_m`` is one sigma,
+    None where it reports none.
+    """
+
+    arrival_us: int
+    boot_us: int
+    distance_m: float | None
+    std_m: float | None
+    min_m: float
+    max_m: float
+
+
+@dataclass(frozen=True, slots=True)
 class EstimatorReport:
     """What the autopilot's estimator says of its own errors; ``source`` is the message's or the log's name for it.
 
@@ -198,6 +214,7 @@ Sample = (
     | Attitude
     | Imu
     | Velocity
+    | Distance
     | EstimatorReport
     | Heartbeat
     | CurrentMode

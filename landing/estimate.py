@@ -55,6 +55,8 @@ class SurfaceEstimate:
     roughness_std: float = NAN
     height_m: float = NAN
     height_std_m: float = NAN
+    height_source: str = ""
+    """"velocity", "rangefinder", or "both"; empty while the height is unknown."""
     ground_speed_m_s: float = NAN
     """Of the ground by itself, with the slow error of the autopilot's velocity."""
     ground_speed_std_m_s: float = NAN

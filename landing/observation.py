@@ -1,5 +1,6 @@
 """What one step of the pipeline is given."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,8 @@ class Observation:
     frame, one sigma of an axis in m/s, and ``velocity_factor`` its slow part over the one that is assumed.
     ``turn_rate`` is (3,) rad/s about the body's axes; ``late_s`` the lateness of the stamps, beyond the one that is
     set, that all of this allows for; ``delay_s`` goes from the exposure to the stamp in all: how far the vehicle has
-    flown on since matters to where it comes down.
+    flown on since matters to where it comes down. ``range_m`` is a rangefinder's distance along the body's z axis, NaN
+    where there is none, and ``range_std_m`` one sigma of it.
     """
 
     frame: int
@@ -36,3 +38,5 @@ class Observation:
     turn_rate: NDArray[np.float64] | None = None
     late_s: float = 0.0
     delay_s: float = 0.0
+    range_m: float = math.nan
+    range_std_m: float = math.nan

@@ -22,13 +22,14 @@ from landing.motion.fixed_parts import FixedParts, Mask
 from landing.motion.views import Views
 from landing.observation import Observation
 from landing.options import EstimatorOptions, Options
-from landing.plane.height import height
+from landing.plane.height import Height, along_axis, height, of_sources
 from landing.plane.map_estimator import MapEstimator
 from landing.plane.plane import Plane
 from landing.plane.quadratic import QuadraticEstimator
 from landing.plane.surface import surface
 from landing.plane.time_offset import TimeOffsetFilter
 from landing.plane.turn_comparison import TurnComparison
+from landing.reasons import Status
 from landing.rotations import euler_from_matrix
 from landing.track_view import track_view
 from landing.vision.camera import CameraModel
@@ -90,6 +91,7 @@ class SurfacePipeline:
         self.turn_comparison = TurnComparison(e.attitude_error_std_rad)
         self.contradictions = Contradictions()
         self._motion: Motion | None = None
+        self._found_height = Height()
         self._border_was_rough = False
         self._last_s = -math.inf
 
@@ -166,12 +168,20 @@ class SurfacePipeline:
         if observation.velocity_ned is not None and ned_from_camera is not None and plane.status == "ok":
             velocity = ned_from_camera.T @ observation.velocity_ned
             chi2 = velocity_chi2(velocity, observation.velocity_std, plane.omega, plane.omega_std)
+        self._found_height = self._height(observation, plane)
         late = self.time_offset
         ground = self.ground.motion.speed_m_s, self.ground.motion.std_m_s
         self.contradictions.step(
-            observation.time_s, rotation, chi2, ground, late.late_s, late.std_s, late.at_bound
+            observation.time_s,
+            rotation,
+            chi2,
+            ground,
+            late.late_s,
+            late.std_s,
+            late.at_bound,
+            self._found_height.chi2,
         )
-        if self.contradictions.failing:
+        if set(self.contradictions.failing) - {Status.HEIGHT_CONTRADICTS}:
             late.search()
 
     def _prediction(self, observation: Observation) -> tuple[Array, Array] | None:
@@ -277,7 +287,7 @@ class SurfacePipeline:
         suspect, limit = self.border.suspect, self.options.decision.max_roughness
         return suspect is not None and relief_.roughness**2 + suspect.mean_square > limit**2
 
-    def _surface(self, observation: Observation, plane: Plane, roll: float, pitch: float) -> dict[str, float]:
+    def _surface(self, observation: Observation, plane: Plane, roll: float, pitch: float) -> dict[str, Any]:
         """Fields of the estimate that a plane gives."""
         o, deg = self.options.estimator, math.degrees
         ned_from_camera = self.views.newest.ned_from_camera
@@ -294,10 +304,10 @@ class SurfacePipeline:
             pitch if o.use_attitude else 0.0,
             self._attitude_std(observation),
         )
-        height_m, height_std_m = self._height(observation, plane)
         return {
-            "height_m": height_m,
-            "height_std_m": height_std_m,
+            "height_m": self._found_height.value_m,
+            "height_std_m": self._found_height.std_m,
+            "height_source": self._found_height.source,
             "slope_x_deg": deg(math.atan(plane.a)),
             "slope_y_deg": deg(math.atan(plane.b)),
             "slope_x_std_deg": deg(std_a / (1 + plane.a**2)),
@@ -320,10 +330,16 @@ class SurfacePipeline:
             math.radians(o.attitude_std_deg), o.attitude_scale_std * tilt, observation.tilt_std_rad
         )
 
-    def _height(self, observation: Observation, plane: Plane) -> tuple[float, float]:
-        ned_from_camera = self.views.newest.ned_from_camera
-        if observation.velocity_ned is None or ned_from_camera is None:
-            return math.nan, math.nan
-        velocity = ned_from_camera.T @ observation.velocity_ned
+    def _height(self, observation: Observation, plane: Plane) -> Height:
+        """The distance to the plane from whatever knows it."""
+        unknown = (math.nan, math.nan)
+        o, ned_from_camera = observation, self.views.newest.ned_from_camera
+        if plane.status != "ok":
+            return Height()
+        by_range = along_axis(o.range_m, o.range_std_m, self.camera.body_from_camera[2], plane.normal)
+        if o.velocity_ned is None or ned_from_camera is None:
+            return of_sources(unknown, by_range, 0.0)
+        velocity = ned_from_camera.T @ o.velocity_ned
         limit = self.options.estimator.max_height_std
-        return height(velocity, observation.velocity_std, plane.omega, plane.omega_std, limit)
+        by_velocity = height(velocity, o.velocity_std, plane.omega, plane.omega_std, limit)
+        return of_sources(by_velocity, by_range, float(np.linalg.norm(velocity)))

@@ -21,6 +21,7 @@ class Status(StrEnum):
     ROTATION_CONTRADICTS = "rotation_contradicts"
     VELOCITY_CONTRADICTS = "velocity_contradicts"
     LATENESS_CONTRADICTS = "lateness_contradicts"
+    HEIGHT_CONTRADICTS = "height_contradicts"
     CAMERA_FROZEN = "camera_frozen"
     IMAGE_SIZE = "image_size"
     BACKWARD_STAMP = "backward_stamp"
@@ -28,7 +29,12 @@ class Status(StrEnum):
 
 
 CONTRADICTIONS = frozenset(
-    {Status.ROTATION_CONTRADICTS, Status.VELOCITY_CONTRADICTS, Status.LATENESS_CONTRADICTS}
+    {
+        Status.ROTATION_CONTRADICTS,
+        Status.VELOCITY_CONTRADICTS,
+        Status.LATENESS_CONTRADICTS,
+        Status.HEIGHT_CONTRADICTS,
+    }
 )
 """Statuses that say that pictures and vehicle do not speak of one motion."""
 
@@ -43,6 +49,7 @@ STATUS_MEANING = {
     Status.ROTATION_CONTRADICTS: "the rotation that the pictures show is not the gyro's",
     Status.VELOCITY_CONTRADICTS: "the motion over the ground that the pictures show is not the autopilot's velocity",
     Status.LATENESS_CONTRADICTS: "the pictures are later than can be found, or not as late as they were",
+    Status.HEIGHT_CONTRADICTS: "the height by velocity and ventral flow is not the rangefinder's",
     Status.CAMERA_FROZEN: "the picture stands still while the vehicle turns",
     Status.IMAGE_SIZE: "the picture has another size than the calibration",
     Status.BACKWARD_STAMP: "the frame's time stamp lies before the last one",
@@ -103,16 +110,16 @@ MEANING = {
     Code.ROUGHNESS_AT_BORDER: "ground that has just come into view may have relief",
     Code.ROUGHNESS_UNCERTAIN: "the upper bound of the roughness is above its limit",
     Code.OBSTACLE_POINTS: "single points lie above or below the plane",
-    Code.APPEARANCE_CHANGE: "what comes into view looks unlike the rest and has not been measured",
+    Code.APPEARANCE_CHANGE: "ground that comes into view looks different from the rest and has not been measured",
     Code.COVERAGE_TOO_LOW: "too little of the view is covered by tracks",
     Code.RELIEF_UNRESOLVED: "from this height the relief in metres may be above its limit",
     Code.GROUND_UNRESOLVED: "from this height one track averages over too much ground",
     Code.GROUND_NOT_SEEN: "too little of the landing area is measured",
     Code.TOUCHDOWN_HAZARD: "the ground map has a hazard between straight below and the stopping point",
     Code.TOUCHDOWN_UNKNOWN: "the ground map does not know the ground straight below",
-    Code.STOPPING_POINT_UNKNOWN: "the ground map does not know all on the way to the stopping point: fly slower",
+    Code.STOPPING_POINT_UNKNOWN: "the ground map does not know the whole path to the stopping point: fly slower",
     Code.GROUND_MAY_MOVE: "the upper bound of the ground's own speed is above its limit",
-    Code.GROUND_MOTION_UNKNOWN: "nothing tells yet whether the ground moves by itself",
+    Code.GROUND_MOTION_UNKNOWN: "it is not known yet whether the ground moves by itself",
     Code.DWELL: "the surface has not been flat for long enough",
 }
 
@@ -152,26 +159,26 @@ _WORDS = {
     Code.INCLINATION_UNCERTAIN: "inclination uncertain: {value:.1f} degrees, may be {upper:.1f}, limit {limit:.1f}",
     Code.ROUGHNESS_UNKNOWN: "roughness unknown",
     Code.TOO_ROUGH: "{sure}too rough: {value:.4f} of the distance, limit {limit:.4f}",
-    Code.ROUGHNESS_AT_BORDER: "perhaps too rough: something may stand out where ground has just come into view",
+    Code.ROUGHNESS_AT_BORDER: "perhaps too rough: possible relief where ground has just come into view",
     Code.ROUGHNESS_UNCERTAIN: "roughness uncertain: {value:.4f}, may be {upper:.4f}, limit {limit:.4f}",
-    Code.OBSTACLE_POINTS: "too rough: {value:.0f} points stand out, limit {limit:.0f}",
-    Code.APPEARANCE_CHANGE: "perhaps another surface: what comes into view is unlike the rest and not measured yet",
-    Code.COVERAGE_TOO_LOW: "too little of the surface seen: {value:.2f}, at least {limit:.2f}",
-    Code.RELIEF_UNRESOLVED: "too high to tell: relief may be {upper:.3f} m from {height_m:.1f} m, limit {limit:.3f} m",
+    Code.OBSTACLE_POINTS: "too rough: {value:.0f} obstacle points, limit {limit:.0f}",
+    Code.APPEARANCE_CHANGE: "perhaps another surface: ground that comes into view looks different, not measured yet",
+    Code.COVERAGE_TOO_LOW: "too little of the surface seen: {value:.2f}, at least {limit:.2f} needed",
+    Code.RELIEF_UNRESOLVED: "too high: relief may be {upper:.3f} m from {height_m:.1f} m, limit {limit:.3f} m",
     Code.GROUND_UNRESOLVED: (
-        "too high to tell: a track averages over {value:.2f} m from {height_m:.1f} m, limit {limit:.2f} m"
+        "too high: a track averages over {value:.2f} m from {height_m:.1f} m, limit {limit:.2f} m"
     ),
     Code.GROUND_NOT_SEEN: (
-        "the ground to land on is not seen: {value:.2f} of it is measured, at least {limit:.2f}"
+        "landing area not seen: {value:.2f} of it is measured, at least {limit:.2f} needed"
     ),
-    Code.TOUCHDOWN_HAZARD: "the ground to come down on is a hazard: {status}",
+    Code.TOUCHDOWN_HAZARD: "hazard where the vehicle would land: {status}",
     Code.TOUCHDOWN_UNKNOWN: "the ground straight below is not known: {status}",
     Code.STOPPING_POINT_UNKNOWN: "the ground where the vehicle would stop is not known, fly slower: {status}",
     Code.GROUND_MAY_MOVE: (
         "{sure}ground that moves by itself: {value:.2f} m/s, may be {upper:.2f}, limit {limit:.2f}"
     ),
     Code.GROUND_MOTION_UNKNOWN: "not known whether the ground moves by itself",
-    Code.DWELL: "flat for {value:.1f} s only, {limit:.1f} s asked for",
+    Code.DWELL: "flat for {value:.1f} s, {limit:.1f} s needed",
 }
 
 

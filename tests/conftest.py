@@ -1,5 +1,9 @@
 """Fixtures that several subjects share."""
 
+import one_thread  # noqa: F401  before anything loads NumPy
+
+# isort: split
+
 import itertools
 import os
 import shutil

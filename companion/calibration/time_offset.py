@@ -92,7 +92,7 @@ def measure_time_offset(
     swing = _swing(motion, pairs)
     if swing < options.min_swing_rad_s:
         raise LandslopeError(
-            f"the flight has too little rotation to tell: the rate of turn varies by {swing:.3f} rad/s, "
+            f"the flight has too little rotation: the rate of turn varies by {swing:.3f} rad/s, "
             f"{options.min_swing_rad_s:g} is needed; rock the vehicle by hand or fly back and forth briskly"
         )
     shifts, terms = _search(motion, pairs, camera.body_from_camera, options)

@@ -1,11 +1,18 @@
-"""One clock: the relation of the autopilot's boot time and the companion's time, learned from arrivals.
+"""The relation between the autopilot's boot time and the companion's time, estimated from the arrivals of messages.
 
-A message stamped at boot time ``b`` arrives at companion time ``a = b + offset + delay``. The delay never falls below
-the link's least, and may be anything above: a congested radio or a busy processor makes messages late for seconds. So
-the relation is the lower envelope of ``a - b``, and lateness alone never moves it. TIMESYNC round trips, where there
-are any, give the offset without the delay. Boot time wraps after 49.7 days and falls back at a reboot. That the
-companion's clock was set is believed when a second witness steps by the same amount, and taken back when the arrivals
-show that they were only late.
+In: for each message its boot time and its arrival time, both in microseconds; TIMESYNC round trips where there are any.
+Out: the boot time of any companion time, with its standard deviation; frames need it to find their attitude.
+
+A message stamped at boot time ``b`` arrives at companion time ``a = b + offset + delay``. The delay is never shorter
+than the link's least delay, and can be longer by any amount: a congested radio or a busy processor makes messages late
+for seconds. The offset is therefore the lower envelope of ``a - b``, which late messages do not move. TIMESYNC round
+trips give the offset without the delay. Three events change the relation:
+
+- boot time wraps after 49.7 days;
+- boot time falls back at a reboot;
+- somebody sets the companion's clock. Arrivals then step, but arrivals also step when the link stalls. A step counts as
+  a clock that was set when the frames' stamps step by the same amount, and is taken back when later arrivals show that
+  the messages were only late.
 """
 
 import math
@@ -22,13 +29,13 @@ WRAP_US = 2**32 * 1000
 
 REBOOT_WITNESSES = 5
 JUMP_WITNESSES = 10
-"""Messages in a row that must agree before a reboot or a jump is believed."""
+"""Consecutive messages that must agree before a reboot or a jump is accepted."""
 
 LATEST_US = 2_000_000
-"""No link holds messages back longer than this at a constant delay, nor delivers them out of order by more."""
+"""Assumption: no link delays messages by more than this at a constant delay, or delivers them out of order by more."""
 
 Witness = Callable[[float, int], bool]
-"""Whether the frames' stamps step by so many microseconds around an arrival (microseconds, as it was stamped)."""
+"""(step, arrival) in microseconds -> whether the stamps of the frames step by as much around that arrival."""
 
 
 class ClockChange(Enum):
@@ -43,12 +50,12 @@ class ClockChange(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """What became of one arrival.
+    """The result of one arrival.
 
-    ``boot_us``: boot time without wraps, None where a reboot is suspected (the sample is not to be used);
-    ``steady_us``: arrival with the jumps of the companion's clock taken out, None where it does not fit the relation.
-    ``jump_us``: by what the companion's clock was set (JUMPED), was not set after all (TAKEN_BACK), or by what the
-    relation was late (CORRECTED); ``witnessed``: the frames' stamps stepped too.
+    ``boot_us``: boot time without wraps; None while a reboot is suspected, and the sample must not be used.
+    ``steady_us``: arrival minus the jumps of the companion's clock; None when it does not fit the relation.
+    ``jump_us``: with JUMPED, by how much the companion's clock was set; with TAKEN_BACK, the jump that is cancelled;
+    with CORRECTED, by how much the relation was late. ``witnessed``: the stamps of the frames stepped too.
     """
 
     boot_us: int | None
@@ -60,14 +67,14 @@ class Arrival:
 
 @dataclass(slots=True)
 class _Suspects:
-    """Arrivals in a row that do not fit: boot times (raw), arrivals and delays against the relation."""
+    """Consecutive arrivals that do not fit: raw boot times, arrivals, delays against the relation, all in us."""
 
     raw_us: list[int] = field(default_factory=list)
     arrival_us: list[int] = field(default_factory=list)
     late_us: list[float] = field(default_factory=list)
 
     def steady_within_us(self) -> float:
-        """By how much the least delays of the first and the last half differ: a backlog drains, a clock does not."""
+        """Difference between the least delays of both halves, us: large while a backlog drains."""
         half = len(self.late_us) // 2
         return abs(min(self.late_us[:half]) - min(self.late_us[half:]))
 
@@ -77,11 +84,12 @@ def _no_witness(_jump_us: float, _arrival_us: int) -> bool:
 
 
 class AutopilotClock:
-    """Feed it every arrival with a boot time; ask it for the boot time of a companion time.
+    """``feed`` takes every arrival with a boot time; ``boot_us`` answers with the boot time of a companion time.
 
-    All times are microseconds. "Steady" is the companion's time with the jumps taken out; ``shift_us`` is their sum
-    (raw = steady + shift). ``witness`` says whether the frames' stamps stepped; without one no lateness of a link's
-    size is taken for a clock that was set, and with ``monotonic`` none at all: that clock cannot be set.
+    All times are microseconds. "Steady" is the companion's time without its jumps; ``shift_us`` is their sum
+    (raw = steady + shift). ``witness`` says whether the stamps of the frames stepped. Without a witness, a step that a
+    link's delay could explain (up to LATEST_US) never counts as a set clock. With ``monotonic`` no step does, because
+    that clock cannot be set.
     """
 
     def __init__(
@@ -106,7 +114,7 @@ class AutopilotClock:
 
     @property
     def settled(self) -> bool:
-        """Whether the relation may be used: enough arrivals, no backlog, none in a row that may mean another one."""
+        """Whether the relation may be used: enough arrivals, no backlog, no series of arrivals against it."""
         known = self._envelope.count >= self._s.clock_min_messages
         return known and not self._ambiguous and not self._envelope.draining(self._newest_us)
 
@@ -124,7 +132,7 @@ class AutopilotClock:
 
     @property
     def late_s(self) -> float:
-        """By what even the least delayed messages of the last second are late; 0 while the link is in order."""
+        """By how much even the least delayed messages of the last second are late, s; 0 for a link in order."""
         return self._envelope.late_us() * 1e-6
 
     @property
@@ -174,7 +182,7 @@ class AutopilotClock:
         return Arrival(boot_us, steady_us, ClockChange.CORRECTED if by_us else None, -by_us)
 
     def _less_late(self, boot_us: int, steady_us: int, early_us: int) -> Arrival:
-        """Earlier than a claim without a witness says: the claim was too large, the relation stays."""
+        """Earlier than an unwitnessed jump allows: the jump was too large or none, and the relation stays."""
         claimed = self._claimed
         assert claimed is not None
         left_us = claimed.jump_us + early_us
@@ -216,7 +224,7 @@ class AutopilotClock:
         return abs(delay_us - self._envelope.offset_us(boot_us)) <= self._s.jump_min_s * 1e6
 
     def _suspect(self, raw_us: int, boot_us: int, arrival_us: int, delay_us: float) -> Arrival:
-        """An arrival that does not fit: late, or the first after a reboot or a jump."""
+        """An arrival that does not fit: it is late, or the first one after a reboot or a jump."""
         min_us = self._s.jump_min_s * 1e6
         late_us = delay_us - self._envelope.offset_us(boot_us)
         fell_us = self._newest_us - boot_us
@@ -246,14 +254,14 @@ class AutopilotClock:
         return self._decide(boot_us, arrival_us, round(least_us), witnessed)
 
     def _late(self, boot_us: int, delay_us: float) -> Arrival:
-        """Late beyond jitter: the attitude is true of its boot time, its arrival says little of the time now."""
+        """Later than jitter explains: the sample is valid at its boot time, but its arrival is not used as a time."""
         if delay_us > self._envelope.offset_us(boot_us):
             self._newest_us = max(self._newest_us, boot_us)
             self._envelope.add(boot_us, delay_us)
         return Arrival(boot_us, None)
 
     def _decide(self, boot_us: int, arrival_us: int, by_us: int, witnessed: bool) -> Arrival:
-        """Arrivals are late or early by the same amount for long enough: a clock that was set, or the link."""
+        """Arrivals were late or early by the same amount for long enough: a clock that was set, or the link?"""
         claimed = self._claimed
         taken_back = (
             not witnessed

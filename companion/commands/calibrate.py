@@ -14,6 +14,7 @@ from companion.calibration.calibration import Calibration, CalibrationOptions, c
 from companion.calibration.live import LiveCalibration, run_live
 from companion.calibration.paper import PAPERS, on_paper, save_board
 from companion.calibration.picture import picture_of
+from companion.calibration.readout import measure_readout
 from companion.calibration.solve import Lens
 from companion.calibration.time_offset import TimeOffsetOptions, measure_time_offset
 from companion.errors import LandslopeError
@@ -49,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--time-offset",
         type=Path,
         metavar="FLIGHT",
-        help="measure camera.time_offset_s from a recorded flight",
+        help="measure camera.time_offset_s and camera.readout_s from a recorded flight",
     )
     parser.add_argument(
         "--out", type=Path, default=Path("camera.yaml"), help="the calibration (default: %(default)s)"
@@ -204,6 +205,20 @@ def _time_offset(args: argparse.Namespace) -> int:
     print(
         f"{found.pairs} pairs of frames, rate of turn varying by {found.swing_rad_s:.2f} rad/s, correlation "
         f"{found.correlation:.3f}\n"
-        f"time_offset_s = {found.offset_s:.4f}  # +- {found.std_s:.4f} s; the settings have {now:.4f}"
+        f"time_offset_s = {found.offset_s:.4f}  # +- {found.std_s:.4f} s; the settings have {now:.4f}",
+        flush=True,
     )
+    _readout(args, source.settings.camera.readout_s)
     return 0
+
+
+def _readout(args: argparse.Namespace, now: float | str) -> None:
+    """The rows' readout of the same flight; without one the offset stands alone."""
+    overrides = (*args.overrides, "camera.readout_s=unknown")
+    source = open_source(args.time_offset, args.config, overrides, PlainCamera())
+    try:
+        found = measure_readout(source.samples(), source.camera, source.settings)
+    except LandslopeError as refusal:
+        print(f"# {refusal}; the settings have readout_s = {now}")
+        return
+    print(f"readout_s = {found.readout_s:.4f}  # +- {found.std_s:.4f} s; the settings have {now}")

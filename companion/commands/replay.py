@@ -30,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     files = parser.add_argument_group("what is written")
     files.add_argument("--out", metavar="FILE.jsonl", help="one estimate a frame")
-    files.add_argument("--ground", metavar="FILE.jsonl", help="what of the ground can be landed on, 2 Hz")
+    files.add_argument("--ground", metavar="FILE.jsonl", help="the ground map: where it is landable, 2 Hz")
     files.add_argument("--events", metavar="FILE.jsonl", help="every change of decision and every event")
     files.add_argument("--plot", metavar="FILE.png", help="the flight at a glance (needs the extra 'plot')")
     files.add_argument("--video", metavar="FILE.webm", help="tracks, surface and verdict drawn on the frames")

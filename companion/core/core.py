@@ -70,6 +70,8 @@ def observation_of(ready: ReadyFrame) -> Observation:
         turn_rate=attitude.turn_rate,
         late_s=ready.late_s,
         delay_s=ready.delay_s,
+        range_m=math.nan if ready.range_m is None else ready.range_m[0],
+        range_std_m=math.nan if ready.range_m is None else ready.range_m[1],
     )
 
 

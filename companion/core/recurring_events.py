@@ -21,7 +21,7 @@ RECURRING = frozenset(
         "camera_moves",
         "motion_agrees",
     }
-    | {"rotation_contradicts", "velocity_contradicts", "lateness_contradicts"}
+    | {"rotation_contradicts", "velocity_contradicts", "lateness_contradicts", "height_contradicts"}
 )
 """States that health has too: of their changes an event is no more than a log."""
 AT_ONCE = 3

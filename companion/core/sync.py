@@ -13,10 +13,11 @@ from companion.clocks.frame_time import Correction, FrameTimeline
 from companion.clocks.link_watch import LinkWatch
 from companion.core.attitude import AttitudeBuffer, BodyAttitude
 from companion.core.estimator_doubt import NO_DOUBT, Doubt, EstimatorDoubt
+from companion.core.rangefinder import Rangefinder
 from companion.core.velocity import VelocityBuffer
 from companion.settings.settings import Settings
 from drivers.refusals import RefusalCode
-from drivers.samples import Attitude, ClockOffset, EstimatorReport, Frame, Imu, Sample, Velocity
+from drivers.samples import Attitude, ClockOffset, Distance, EstimatorReport, Frame, Imu, Sample, Velocity
 
 MILLISECOND_US = 1000
 MICROSECOND_SOURCES = ("RAW_IMU", "HIGHRES_IMU")
@@ -33,6 +34,7 @@ class ReadyFrame:
     ``boot_us``: mid-exposure in boot time, None without a relation. ``attitude`` is the reason where there is none.
     ``velocity_age_s``: from the exposure to the sample of the velocity; ``velocity_noise`` m/s. ``late_s``: lateness
     found along the way, which ``boot_us`` allows for. ``doubt``: of the autopilot's estimator about itself.
+    ``range_m``: the rangefinder's distance and one sigma of it.
     """
 
     frame: Frame
@@ -45,6 +47,7 @@ class ReadyFrame:
     velocity_noise: float
     late_s: float
     doubt: Doubt = NO_DOUBT
+    range_m: tuple[float, float] | None = None
 
     @property
     def delay_s(self) -> float:
@@ -85,6 +88,7 @@ class Synchroniser:
         self.clock = AutopilotClock(settings.sync, self.frame_time.stepped, monotonic)
         self._link = LinkWatch(settings.sync.jump_min_s)
         self.doubt = EstimatorDoubt()
+        self._rangefinder = Rangefinder() if settings.vehicle.rangefinder else None
         self._copies = Copies()
         self._late_s, self._late_std_s = 0.0, settings.estimator.time_offset_std_s
         self._attitudes = AttitudeBuffer(settings.sync)
@@ -104,6 +108,9 @@ class Synchroniser:
             self._take_telemetry(sample, ready, notices)
         elif isinstance(sample, EstimatorReport):
             self.doubt.feed(sample, self.now_us)
+        elif isinstance(sample, Distance):
+            if self._rangefinder is not None:
+                self._rangefinder.feed(sample)
         elif isinstance(sample, ClockOffset):
             s = sample
             self.clock.feed_round_trip(s.boot_us, s.arrival_us, s.offset_us, s.round_trip_us)
@@ -170,6 +177,8 @@ class Synchroniser:
             self._attitudes.clear()
             self._velocities.clear()
             self.doubt.forget()
+            if self._rangefinder is not None:
+                self._rangefinder.forget()
             notices.append(Notice("autopilot_rebooted", {}))
             self._settled = False
         elif arrival.change in (ClockChange.JUMPED, ClockChange.TAKEN_BACK):
@@ -258,7 +267,7 @@ class Synchroniser:
 
     def _leave(self, waiting: _Waiting, reason: str) -> ReadyFrame:
         attitude: BodyAttitude | str = "no_telemetry"
-        boot_us = velocity = None
+        boot_us = velocity = range_m = None
         doubt = NO_DOUBT
         age_s = noise = 0.0
         if self._telemetry:
@@ -267,6 +276,7 @@ class Synchroniser:
                 boot_us = self._boot_us(waiting)
                 attitude = self._attitudes.at(boot_us, math.hypot(self.clock.std_s, self._late_std_s))
                 found = self._velocities.at(boot_us)
+                range_m = None if self._rangefinder is None else self._rangefinder.at(boot_us)
                 doubt = self.doubt.at(self.now_us)
                 if found is not None and doubt.velocity_known:
                     velocity, age_s, noise = found
@@ -283,6 +293,7 @@ class Synchroniser:
             noise,
             self._late_s,
             doubt,
+            range_m,
         )
 
 

@@ -132,5 +132,6 @@ class VehicleState:
         over = any(part in text.split() for part in OVER_TEXTS)
         if any(part in text for part in RADIO_LOST_TEXTS) or text.startswith("manual control"):
             self._radio_text_us = None if over else now_us
-        if "failsafe" in text:
+        # ArduCopter's HEARTBEAT stays ACTIVE when its fence is breached
+        if "failsafe" in text or ("fence" in text and "breach" in text):
             self._failsafe_text_us = None if over else now_us

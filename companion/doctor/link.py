@@ -15,6 +15,7 @@ from companion.core.vehicle_state import MULTICOPTERS
 from companion.doctor import parameters
 from companion.doctor.findings import DoctorOptions, Finding, Level
 from companion.doctor.modes import mode_findings
+from companion.doctor.rangefinder import rangefinder_findings
 from companion.settings.link_options import link_options
 from companion.settings.settings import Settings
 from drivers.autopilot.available_modes import ModeReader
@@ -124,6 +125,7 @@ class LinkExamination:
             findings.append(
                 Finding("link", "failure", "more than one vehicle speaks on it", "set vehicle.system_id")
             )
+        findings += rangefinder_findings(self._settings.vehicle.rangefinder, samples)
         procedure = self._settings.landing.procedure
         findings += parameters.parameter_findings(procedure, newest.autopilot, self._parameters.values)
         if newest.autopilot == "px4" or newest.vehicle_type in MULTICOPTERS:  # whose numbers these are

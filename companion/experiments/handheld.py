@@ -29,6 +29,7 @@ from landing.rotations import matrix_from_euler
 SLOPES = (0, 15, 30, 45)
 DISTANCE_M = 1.2
 SETTLED = 8
+"""Frames at the start that are not scored: the estimators gather their baseline."""
 ASSUMED_FOV_DEG = 50.0
 TRUE_LENS = Lens(
     256,
@@ -39,7 +40,11 @@ TRUE_LENS = Lens(
 
 
 class Hand:
-    """Swings along the image's columns, and turns a little about all axes: sums of seeded sines."""
+    """The motion of a hand-held camera: it swings along the image's columns and turns a little about all axes.
+
+    Positions (m) and angles (rad) are sums of sines with seeded rates and phases. Calling it with a time in seconds
+    gives the camera's pose then. ``turn_deg``: amplitude of the turns about each axis.
+    """
 
     def __init__(self, slope_deg: float, turn_deg: float, seed: int) -> None:
         self._climb = math.tan(math.radians(slope_deg))
@@ -62,7 +67,11 @@ class Hand:
 
 
 def hand_held(slope_deg: float, n: int, known: bool, turn_deg: float, seed: int) -> Outcome:
-    """One sequence; ``known``: the camera is calibrated and its rotation measured, as on a vehicle."""
+    """One sequence of ``n`` frames over a plane that slopes by ``slope_deg``, with the estimates of every method.
+
+    ``known``: the estimators get the true lens and the true rotation, as on a vehicle; otherwise an ideal lens of
+    ASSUMED_FOV_DEG and no rotation. The truth, ``slope_y``, is the slope relative to the camera, degrees.
+    """
     world = World(ramp(inclination_deg=slope_deg, material="gravel", texture_m=3.0))
     camera = SimulatedCamera(Renderer(world, TRUE_LENS), SensorOptions(), seed=seed)
     hand = Hand(slope_deg, turn_deg, seed)
@@ -79,8 +88,8 @@ def hand_held(slope_deg: float, n: int, known: bool, turn_deg: float, seed: int)
 
 
 def jobs(quick: bool, seed: int) -> list[Job]:
-    """Every slope with and without knowledge of camera and rotation."""
-    slopes, n = ((0, 30), 30) if quick else (SLOPES, 120)
+    """Every slope, with and without knowledge of camera and rotation; ``quick``: two slopes, few frames."""
+    slopes, n = ((0, 30), 18) if quick else (SLOPES, 120)
     return [
         Job(hand_held, {"slope_deg": s, "n": n, "known": known, "turn_deg": 1.5, "seed": seed})
         for known in (False, True)

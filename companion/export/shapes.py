@@ -1,4 +1,8 @@
-"""Foxglove's messages from landslope's: transforms, pose, surface, annotations, calibration, log."""
+"""Converts landslope's messages to Foxglove's schemas: transforms, pose, surface, ground map, annotations, log.
+
+Times are microseconds since 1970 of the companion's clock, lengths metres. Frames are named ``<vehicle>/<frame>``:
+ned (x north, y east, z down), level (heading only), body (forward, right, down), camera; enu above them has z up.
+"""
 
 import math
 
@@ -51,7 +55,7 @@ QUAD = [0, 1, 2, 0, 2, 3, 0, 2, 1, 0, 3, 2]
 
 
 def stamp(time_unix_us: int) -> fox.Timestamp:
-    """A time of the companion's clock."""
+    """From microseconds since 1970."""
     return fox.Timestamp(sec=time_unix_us // MICROSECONDS, nsec=time_unix_us % MICROSECONDS * 1000)
 
 
@@ -81,7 +85,7 @@ def transforms(
     attitude: tuple[float, float, float],
     camera: CameraModel | None,
 ) -> fox.FrameTransforms:
-    """The tree of frames: enu (z up, for the onlooker) > ned > level (heading only) and body > camera.
+    """The tree of frames: enu > ned > level, and ned > body > camera (left out without a camera).
 
     ``position_ned`` in m, ``attitude`` roll, pitch, yaw in radians.
     """
@@ -113,7 +117,7 @@ def pose(
     position_ned: tuple[float, float, float],
     attitude: tuple[float, float, float],
 ) -> fox.PoseInFrame:
-    """Where the vehicle is and how it is turned, NED."""
+    """The vehicle's position (m) and attitude (roll, pitch, yaw in radians), NED."""
     return fox.PoseInFrame(
         timestamp=stamp(time_unix_us),
         frame_id=f"{vehicle}/ned",
@@ -122,7 +126,7 @@ def pose(
 
 
 def surface(estimate: Estimate, vehicle: str, verdict: str) -> fox.SceneUpdate:
-    """The plane under the vehicle in its heading, as wide as it is far; taken away while it is unknown."""
+    """The measured plane as a square of twice its distance a side, coloured by the verdict; deleted while unknown."""
     tilt, when = tilt_of(estimate), stamp(estimate.time_unix_us)
     if tilt is None:
         gone = fox.SceneEntityDeletion(
@@ -194,7 +198,10 @@ def ground_map(ground: Ground, vehicle: str, position_ned: tuple[float, float, f
 def landing_discs(
     ground: Ground, vehicle: str, position_ned: tuple[float, float, float], level_m: float
 ) -> fox.SceneUpdate:
-    """Spots and the disc where the vehicle would come down, on ground ``level_m`` up in the map's axes."""
+    """The landable spots and the disc at the stopping point, as flat cylinders.
+
+    ``level_m``: height of the ground in the map's axes (``ground_level``), at which they are drawn.
+    """
     north, east, down = position_ned
 
     def disc(at: tuple[float, float], radius_m: float, verdict: str) -> fox.CylinderPrimitive:
@@ -223,7 +230,7 @@ def landing_discs(
 
 
 def image(time_unix_us: int, vehicle: str, jpeg: bytes) -> fox.CompressedImage:
-    """A JPEG."""
+    """A JPEG file's bytes as an image of the camera."""
     return fox.CompressedImage(
         timestamp=stamp(time_unix_us), frame_id=f"{vehicle}/camera", data=jpeg, format="jpeg"
     )

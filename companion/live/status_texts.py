@@ -38,8 +38,8 @@ SHORT_REASONS = {
     Code.OBSTACLE_POINTS: "obstacle",
     Code.APPEARANCE_CHANGE: "another surface ahead",
     Code.COVERAGE_TOO_LOW: "too little seen",
-    Code.RELIEF_UNRESOLVED: "too high to tell",
-    Code.GROUND_UNRESOLVED: "too high to tell",
+    Code.RELIEF_UNRESOLVED: "too high",
+    Code.GROUND_UNRESOLVED: "too high",
     Code.GROUND_NOT_SEEN: "landing area not seen",
     Code.DWELL: "flat, not for long enough",
     Code.UNCALIBRATED: "camera not calibrated",
@@ -63,13 +63,14 @@ SHORT_CONDITIONS = {
     ConditionCode.UNCALIBRATED: "camera not calibrated",
     ConditionCode.RECORDING_STOPPED: "not recording",
     ConditionCode.CLOCK_WITHOUT_DATE: "date not known",
-    ConditionCode.RADIO_LOST: "switch on the radio not heard",
-    ConditionCode.RATE_TOO_LOW: "too rare: {subject}",
+    ConditionCode.RADIO_LOST: "pilot's switch not heard",
+    ConditionCode.RATE_TOO_LOW: "rate too low: {subject}",
     ConditionCode.IMAGE_SIZE: "picture of another size",
     ConditionCode.OVERLOADED: "processor too slow",
     ConditionCode.READOUT_UNKNOWN: "camera readout not known",
     ConditionCode.ROTATION_CONTRADICTS: "picture and gyro disagree",
     ConditionCode.VELOCITY_CONTRADICTS: "ground, velocity disagree",
+    ConditionCode.HEIGHT_CONTRADICTS: "heights disagree",
     ConditionCode.LATENESS_CONTRADICTS: "pictures too late",
     ConditionCode.VELOCITY_UNKNOWN: "velocity not known",
     ConditionCode.ATTITUDE_UNSURE: "roll and pitch unsure",
@@ -80,20 +81,20 @@ SHORT_CONDITIONS = {
 SHORT_ENDS = {
     "landing_requested": "surface fit, landing requested",
     "landing_failsafe": "landing ended by a failsafe",
-    "landing_held": "landing ended, we asked for hold",
+    "landing_held": "landing ended, hold requested",
     "landing_taken_over": "landing ended, pilot took over",
 }
 
 SHORT_PROCEDURE = {
     "start": "procedure takes over",
-    "search": "procedure searches a place",
+    "search": "procedure searches for a place",
     "go": "procedure goes to a place",
-    "descend": "procedure comes down",
+    "descend": "procedure descends",
     "hold": "procedure stops, place unfit",
     "hand_over": "procedure hands over to land",
 }
 """State -> few words; short states are not sent."""
-GAVE_BACK = "procedure gave back"
+GAVE_BACK = "procedure ended"
 
 
 class StatusTexts:

@@ -24,6 +24,7 @@ class Code(StrEnum):
     ROTATION_CONTRADICTS = "rotation_contradicts"
     VELOCITY_CONTRADICTS = "velocity_contradicts"
     LATENESS_CONTRADICTS = "lateness_contradicts"
+    HEIGHT_CONTRADICTS = "height_contradicts"
     VELOCITY_UNKNOWN = "velocity_unknown"
     ATTITUDE_UNSURE = "attitude_unsure"
     TWO_VEHICLES = "two_vehicles"
@@ -62,6 +63,9 @@ KINDS = {
         "error", "camera: the ground does not move as the vehicle's velocity says"
     ),
     Code.LATENESS_CONTRADICTS: Kind("error", "camera: the pictures are too late, or not as late as before"),
+    Code.HEIGHT_CONTRADICTS: Kind(
+        "error", "height: the rangefinder does not agree with the velocity and the pictures' motion"
+    ),
     Code.TWO_VEHICLES: Kind("error", "two vehicles on the link: set vehicle.system_id", forbids_landing=True),
     Code.IMAGE_SIZE: Kind("error", "camera: {detail}", forbids_landing=True),
     Code.UNCALIBRATED: Kind("warning", "the camera is not calibrated", forbids_landing=True),
@@ -70,7 +74,8 @@ KINDS = {
         "camera: the rows' readout is not known yet; it is found while the vehicle turns, or set camera.readout_s",
     ),
     Code.VELOCITY_UNKNOWN: Kind(
-        "warning", "the autopilot's estimator does not know its velocity: no metres; see its position source"
+        "warning",
+        "the autopilot does not know its velocity, so nothing is known in metres: check its position source",
     ),
     Code.ATTITUDE_UNSURE: Kind("warning", "the autopilot's estimator is unsure of roll and pitch"),
     Code.INPUT_MISSING: Kind("warning", "{subject}: none came"),

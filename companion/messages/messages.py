@@ -60,6 +60,9 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     against_flat: Annotated[tuple[str, ...], about("what speaks against flat, in words")]
     calibrated: Annotated[bool, about("whether the camera is calibrated")]
     against_flat_codes: Annotated[tuple[str, ...], about("the same as codes", one_of=Code)] = ()
+    height_source: Annotated[
+        str | None, about('what height_m is from: "velocity", "rangefinder" or "both"; null while unknown')
+    ] = None
 
 
 class ProcedureState(msgspec.Struct, frozen=True, kw_only=True):
@@ -245,6 +248,7 @@ def estimate_message(
         roughness_std=known(e.roughness_std, 6),
         height_m=known(e.height_m, 4),
         height_std_m=known(e.height_std_m, 4),
+        height_source=e.height_source or None,
         features=e.features,
         inlier_fraction=known(e.inlier_fraction, 4),
         fit_error_px=known(e.fit_error_px, 4),

@@ -8,7 +8,7 @@ from typing import Any
 
 from nicegui import ui
 
-from companion.messages.messages import Event
+from companion.messages.messages import Estimate, Event
 from companion.monitor import words
 from companion.monitor.charts import CHARTS, chart_svg
 from companion.monitor.elements import MOST_WORDS, card, heading, label, lines_of
@@ -26,6 +26,8 @@ from companion.monitor.tracks import counts, tracks_svg
 HERE = Path(__file__).parent
 CSS = (HERE / "style.css").read_text()
 SCRIPTS = "".join(f"<script>{(HERE / name).read_text()}</script>" for name in ("theme.js", "ground3d.js"))
+LOOK_S = 0.02
+"""How often a page looks for a new estimate."""
 CHART_PERIOD_S = 1.0
 FLEET_PERIOD_S = 0.5
 MOST_CARDS = 60
@@ -56,6 +58,8 @@ class Page:
         self._watch = watch
         self._feed = feed
         self._chosen = chosen
+        self._shown_name, self._refreshed_s = "", 0.0
+        self._shown_estimate: Estimate | None = None
         self._shown_picture: bytes = b""
         self._shown_ground: dict[str, Any] | None = None
         self._shown_map: dict[str, Any] | None = None
@@ -69,17 +73,28 @@ class Page:
         ui.add_body_html(SCRIPTS)
         self._build()
         self.refresh()
-        ui.timer(1 / watch.options.refresh_hz, self.refresh)
+        ui.timer(LOOK_S, self._look)
+
+    def _look(self) -> None:
+        """Show a new estimate at once, but not more often than the page is refreshed; ages go on without one."""
+        period_s, since_s = 1 / self._watch.options.refresh_hz, time.monotonic() - self._refreshed_s
+        vehicle = self._watch.vehicles.get(self._shown_name)
+        new = vehicle is not None and vehicle.estimate is not self._shown_estimate
+        if since_s >= 2 * period_s or (new and since_s >= period_s - LOOK_S):
+            self.refresh()
 
     def refresh(self) -> None:
         """Bring the page up to date."""
-        now_s = time.monotonic()
+        now_s = self._refreshed_s = time.monotonic()
         view = view_of(self._watch, self._chosen, now_s)
         self._show_alarm(view)
         if now_s >= self._fleet_due_s:
             self._fleet_due_s = now_s + FLEET_PERIOD_S
             self._show_fleet(view)
         vehicle = view.vehicle
+        self._shown_name, self._shown_estimate = (
+            ("", None) if vehicle is None else (vehicle.name, vehicle.estimate)
+        )
         self._help.set_visibility(vehicle is None)
         for part in self._parts:
             part.set_visibility(vehicle is not None)

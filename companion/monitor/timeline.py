@@ -1,4 +1,4 @@
-"""Ten minutes of one vehicle as a bar in the colours of the verdict, and what was true at a moment of it."""
+"""The timeline of the monitor's page: the last minutes' verdicts as an SVG bar, and the state at a chosen moment."""
 
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -11,7 +11,11 @@ WIDTH, HEIGHT = 1000, 34
 
 
 def timeline_svg(points: Sequence[Point], now_s: float, span_s: float, shown: tuple[float, float]) -> str:
-    """The bar of the last ``span_s`` seconds; ``shown``: what the charts show, seconds back (from, to)."""
+    """The bar of the last ``span_s`` seconds before ``now_s``, coloured by verdict, as SVG.
+
+    ``points``: the vehicle's history in the order of time. ``shown``: the part that the charts show, framed in the bar,
+    as seconds before ``now_s`` (from, to).
+    """
 
     def x(time_s: float) -> float:
         return max(0.0, (time_s - now_s + span_s) / span_s * WIDTH)
@@ -30,13 +34,13 @@ def timeline_svg(points: Sequence[Point], now_s: float, span_s: float, shown: tu
 
 
 def at(points: Sequence[Point], time_s: float) -> Point | None:
-    """The newest point not after the time."""
+    """The newest point that is not later than ``time_s``; None when there is none."""
     index = bisect_right(points, time_s, key=lambda point: point.time_s)
     return points[index - 1] if index else None
 
 
 def in_words(point: Point | None, back_s: float) -> str:
-    """What was true so many seconds ago."""
+    """The state ``back_s`` seconds ago in words: verdict, inclination and height."""
     if point is None:
         return f"{duration(back_s)} ago: nothing was heard yet"
     what = VERDICTS.get(point.verdict, point.verdict.upper())

@@ -4,7 +4,7 @@ from companion.messages.messages import Decision, Estimate, Health, InputHealth,
 
 DASH = "–"
 SILENT = "SILENT"
-SAID_LAST = "What follows is what it said last; it may not be true any more."
+SAID_LAST = "The values below were the last to arrive; they may be out of date."
 LARGEST_PLAIN = 1e6
 """Larger numbers are written with a power of ten."""
 LONGEST_TEXT = 400

@@ -173,6 +173,6 @@ def _coarse(log: _Log, turns: _Turns) -> float:
     if abs(best[0] - best[1]) > AGREE_S:
         raise LandslopeError(
             f"two parts of the flight fit the autopilot's log {abs(best[0] - best[1]):.1f} s apart: the pictures turn "
-            f"too little to tell, it is another flight's log, or the mount (camera.mount_*_deg) is wrong; {HELP}"
+            f"too little to decide, it is another flight's log, or the mount (camera.mount_*_deg) is wrong; {HELP}"
         )
     return float(lags[parts.sum(axis=1).argmin()])

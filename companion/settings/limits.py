@@ -1,4 +1,4 @@
-"""Bounds of options that come from the command line: the same ``Limits`` as the settings file's."""
+"""Checks options from the command line against the ``Limits`` of their fields, as the settings file's are checked."""
 
 from typing import Any, TypeVar
 
@@ -9,7 +9,10 @@ T = TypeVar("T")
 
 
 def within_limits(options: T) -> T:
-    """The options, if every number lies within its ``Limits``; LandslopeError names the first that does not."""
+    """The same options (a dataclass whose fields have ``Limits``), if every number lies within its limits.
+
+    Raises LandslopeError, which names the first value outside, the limits and their unit.
+    """
     kind: Any = type(options)
     for entry in entries(kind):
         value, limits = getattr(options, entry.path), entry.limits

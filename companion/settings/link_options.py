@@ -16,6 +16,7 @@ SYSTEM_STATUS_HZ = 2.0
 FLOWN_STATE_HZ = 20.0
 """Lowest rate of messages that show a takeover (PX4's CURRENT_MODE, sticks) while setpoints may be sent."""
 ESTIMATOR_HZ = 2.0
+DISTANCE_HZ = 10.0
 SYSTEM_TIME_HZ = 1.0
 """SYSTEM_TIME gives the date to a board that does not know it."""
 
@@ -42,6 +43,7 @@ def link_options(settings: Settings, connection: str = "") -> LinkOptions:
             "IMU": m.imu_rate_hz,
             "LOCAL_POSITION_NED": m.position_rate_hz,
             "EXTENDED_SYS_STATE": m.state_rate_hz,
+            **({"DISTANCE_SENSOR": DISTANCE_HZ} if settings.vehicle.rangefinder else {}),
             "SYS_STATUS": SYSTEM_STATUS_HZ,
             "SYSTEM_TIME": SYSTEM_TIME_HZ,
             # of these an autopilot has one or two: its estimator about itself

@@ -13,6 +13,9 @@ class VehicleSettings:
 
     name: Annotated[str, Meaning("vehicle name in the zenoh keys landslope/NAME/...")] = "vehicle1"
     system_id: Annotated[int, Limits(0, 255, "", "MAVLink system id; 0: the only vehicle on the link")] = 0
+    rangefinder: Annotated[
+        bool, Meaning("use the rangefinder that looks down (DISTANCE_SENSOR) for the height, and to check it")
+    ] = False
     landing_radius_m: Annotated[
         float, Limits(0.1, 2, "m", "radius of the disc of ground that the vehicle stands on")
     ] = 0.5

@@ -1,4 +1,4 @@
-"""From the text of ``camera.source`` to the camera it names."""
+"""Opens the camera that the text of ``camera.source`` names: a V4L2 device, picamera, a network stream, a file."""
 
 import dataclasses
 import math
@@ -25,10 +25,11 @@ def open_camera(
     limits: ReaderLimits | None = None,
     notify: Notify | None = None,
 ) -> Camera:
-    """Start reading the camera named by ``source``; never waits for the device.
+    """Start reading the camera named by ``source`` in a thread of its own; returns at once.
 
-    ``notify`` is called from another thread whenever there is something to take. Raises DriverError when the source
-    is none of SOURCES; a device that is merely absent is waited for.
+    ``wanted``: picture size and rate, None for the device's own; ``limits``: how long opening and reading may take.
+    ``notify`` is called from that thread when the camera has something to take. Raises DriverError when the source is
+    none of SOURCES. A device that is absent raises nothing: opening it is repeated until it appears.
     """
     wanted, limits = wanted or CameraFormat(), limits or ReaderLimits()
     name, make, limits = _grabber_of(source.strip(), wanted, limits)
@@ -38,6 +39,7 @@ def open_camera(
 def _grabber_of(
     source: str, wanted: CameraFormat, limits: ReaderLimits
 ) -> tuple[str, Callable[[], Grabber], ReaderLimits]:
+    """Name of the source, the function that opens it, and its limits: a file may pause between frames as it likes."""
     if not source:
         raise DriverError(f"camera.source is empty; it may be {SOURCES}")
     if source.isdecimal():

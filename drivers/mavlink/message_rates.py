@@ -22,6 +22,7 @@ class _Stream:
     ask_at_us: int = 0
     slow_since_us: int | None = None
     reported_slow: bool = False
+    came: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +80,7 @@ class MessageRates:
         stream = self._streams.get(name)
         if stream is not None:
             stream.count += 1
+            stream.came = True
 
     def due(self, now_us: int) -> list[RateRequest]:
         """Close the windows that are over; what is to be asked for now."""
@@ -118,7 +120,13 @@ class MessageRates:
 
     @property
     def slow(self) -> dict[str, float]:
-        """Messages that have come too rarely for ``patience_s`` although they were asked for: name -> rate."""
+        """Messages that have come too rarely for ``patience_s`` although they were asked for: name -> rate.
+
+        One that never came is missing, not slow: ArduCopter sends no LOCAL_POSITION_NED until its estimator has an
+        origin, half a minute after the boot.
+        """
         return {
-            name: s.rate_hz for name, s in self._streams.items() if s.reported_slow and s.rate_hz is not None
+            name: s.rate_hz
+            for name, s in self._streams.items()
+            if s.reported_slow and s.came and s.rate_hz is not None
         }

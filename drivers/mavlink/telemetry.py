@@ -17,6 +17,7 @@ from drivers.samples import (
     ClockOffset,
     CommandAnswer,
     CurrentMode,
+    Distance,
     Heartbeat,
     Imu,
     LandedState,
@@ -50,6 +51,9 @@ GYRO_RANK = {"HIGHRES_IMU": 0, "RAW_IMU": 1, "SCALED_IMU": 2, "SCALED_IMU2": 3, 
 _LANDED = {0: "undefined", 1: "on_ground", 2: "in_air", 3: "takeoff", 4: "landing"}
 _VTOL = {1: "transition", 2: "transition", 3: "multicopter", 4: "fixed_wing"}
 _RADIO = mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER
+_DOWN = mavlink.MAV_SENSOR_ROTATION_PITCH_270
+_BAD_SIGNAL, _NO_COVARIANCE = 1, 0xFF
+"""DISTANCE_SENSOR: signal_quality 1 is an invalid signal; a covariance in cm^2 of 255, or 0, is unknown."""
 _NO_AXIS = 0x7FFF
 _RC_FIELDS = tuple(f"chan{i}_raw" for i in range(1, 19))
 _RC_NONE = 0xFFFF
@@ -184,6 +188,15 @@ class TelemetryDecoder:
             return [_not_finite("LOCAL_POSITION_NED", arrival_us)]
         return [Velocity(arrival_us, _boot_us(m.time_boot_ms), values[:3], values[3:])]
 
+    def _distance(self, m: Any, arrival_us: int) -> list[Sample]:
+        if m.orientation != _DOWN:
+            return []
+        low, high, now = (cm * 0.01 for cm in (m.min_distance, m.max_distance, m.current_distance))
+        # at a limit nothing was measured: that is what sensors report when there is no echo
+        measured = low < now < high and m.signal_quality != _BAD_SIGNAL
+        std_m = math.sqrt(m.covariance) * 0.01 if 0 < m.covariance < _NO_COVARIANCE else None
+        return [Distance(arrival_us, _boot_us(m.time_boot_ms), now if measured else None, std_m, low, high)]
+
     def _heartbeat(self, m: Any, arrival_us: int) -> list[Sample]:
         self._ardupilot = m.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
         autopilot = AUTOPILOTS.get(m.autopilot, f"autopilot {m.autopilot}")
@@ -268,6 +281,7 @@ _HANDLERS: dict[str, Callable[[TelemetryDecoder, Any, int], list[Sample]]] = {
     "EKF_STATUS_REPORT": TelemetryDecoder._ekf_status_report,
     "ESTIMATOR_STATUS": TelemetryDecoder._estimator_status,
     "ODOMETRY": TelemetryDecoder._odometry,
+    "DISTANCE_SENSOR": TelemetryDecoder._distance,
     "HEARTBEAT": TelemetryDecoder._heartbeat,
     "CURRENT_MODE": TelemetryDecoder._current_mode,
     "SYS_STATUS": TelemetryDecoder._system_status,

@@ -27,8 +27,9 @@ def arrived(i: Inputs, spot: Vector) -> bool:
 
 def over(i: Inputs, spot: Vector) -> bool:
     """Whether the stopping point is the place."""
-    if i.velocity_ned is None or not slow(i, SLOW_M_S):
+    if not slow(i, SLOW_M_S):
         return False
+    assert i.velocity_ned is not None  # as it is slow
     stop = i.place_ned[0] + i.velocity_ned[0], i.place_ned[1] + i.velocity_ned[1]
     return math.dist(stop, spot[:2]) <= HANDED_OVER_M
 

@@ -1,10 +1,11 @@
 """Whether pictures, gyro and velocity speak of one motion; while they do not, there is no estimate.
 
-Three comparisons, each with its own statistic: the rotation that the tracks of a short time show, against the
+Four comparisons, each with its own statistic: the rotation that the tracks of a short time show, against the
 vehicle's and what both may be wrong by; the motion over the plane against the autopilot's velocity, whose direction
-must agree for some height, and whose changes tell whether the ground moves by itself; the lateness of the frames
-against what it was and against the bound of the search. The first two are means over the last second or two of
-chi-square per degree of freedom: 1 where all is well, whatever the noise.
+must agree for some height, and whose changes tell whether the ground moves by itself; the height by that velocity
+against the rangefinder's; the lateness of the frames against what it was and against the bound of the search. All but
+the last are means over the last second or two of chi-square per degree of freedom: 1 where all is well, whatever the
+noise.
 """
 
 import math
@@ -22,6 +23,9 @@ _FORGET_S = 1.5
 
 _ROTATION_FAILS, _VELOCITY_FAILS = 3.0, 4.0
 """Mean chi-square per degree of freedom above which a comparison fails."""
+
+_HEIGHT_FAILS, _LEAST_HEIGHT = 6.0, 12.0
+"""The same of the height's two sources, whose errors last: two and a half standard deviations, for about a second."""
 
 _HOLDS = 1.5
 """The same below which it holds again."""
@@ -90,6 +94,7 @@ class Contradictions:
             (Status.ROTATION_CONTRADICTS, self._rotation.fails),
             (Status.VELOCITY_CONTRADICTS, self._velocity.fails or self._ground_moves),
             (Status.LATENESS_CONTRADICTS, self._late_fails),
+            (Status.HEIGHT_CONTRADICTS, self._height.fails),
         )
         return tuple(status for status, fails in all_of_them if fails)
 
@@ -102,17 +107,21 @@ class Contradictions:
         late_s: float,
         late_std_s: float,
         late_at_bound: bool = False,
+        height_chi2: float = math.nan,
     ) -> None:
         """Take a frame's comparisons: chi-square and degrees of freedom, chi-square (nan: none), lateness.
 
         ``ground``: the ground's own speed with its standard deviation, m/s (nan: unknown). ``late_at_bound``: the
-        lateness is at least so much, farther is not looked for.
+        lateness is at least so much, farther is not looked for. ``height_chi2``, one degree of freedom (nan: none): the
+        height's two sources.
         """
         passed_s = 0.0 if self._last_s is None else time_s - self._last_s
         self._last_s = time_s
         self._rotation.step(*rotation, passed_s)
         known = math.isfinite(velocity_chi2_)
         self._velocity.step(velocity_chi2_ if known else 0.0, 2.0 if known else 0.0, passed_s)
+        known = math.isfinite(height_chi2)
+        self._height.step(height_chi2 if known else 0.0, 1.0 if known else 0.0, passed_s)
         self._step_ground(*ground)
         self._step_lateness(late_s, late_std_s, late_at_bound, passed_s)
 
@@ -127,6 +136,7 @@ class Contradictions:
     def _anew(self) -> None:
         self._rotation = Mean(_ROTATION_FAILS, _LEAST_ROTATION)
         self._velocity = Mean(_VELOCITY_FAILS, _LEAST_VELOCITY)
+        self._height = Mean(_HEIGHT_FAILS, _LEAST_HEIGHT)
 
     def _step_ground(self, speed_m_s: float, std_m_s: float) -> None:
         if speed_m_s - _MOVES_SIGMAS * std_m_s > _MOVES_M_S:

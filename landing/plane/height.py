@@ -1,6 +1,10 @@
-"""Height from the velocity that the autopilot knows and the ventral flow that the camera sees: h = V / omega."""
+"""Height from the autopilot's velocity and the ventral flow that the camera sees, h = V / omega, or a rangefinder.
+
+Each has its error; they are fused, and compared where both are known.
+"""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +14,59 @@ Array = NDArray[np.float64]
 _ROUNDS = 3
 _LEAST = 1e-9
 """Where neither has an error, 1/s."""
+_GROUND_SHARE = 0.05
+"""What the ground at the rangefinder's spot and the plane of the view differ by, over the distance, one sigma."""
+_DRIFT_M_S = 0.3
+"""Slow error of the autopilot's velocity, one sigma, when it is held against another source: GPS drift."""
+
+
+@dataclass(frozen=True, slots=True)
+class Height:
+    """Distance to the surface along the optical axis with one sigma, m, and its source; NaN and "" where unknown.
+
+    ``chi2``, one degree of freedom: how far its two sources disagree; NaN where there are not two.
+    """
+
+    value_m: float = math.nan
+    std_m: float = math.nan
+    source: str = ""
+    chi2: float = math.nan
+
+
+def of_sources(by_velocity: tuple[float, float], by_range: tuple[float, float], speed_m_s: float) -> Height:
+    """One height of two, each (m, one sigma), NaN where unknown; relative errors are taken as Gaussian.
+
+    ``speed_m_s`` is the velocity that the first is from: its slow error counts when the two are compared.
+    """
+    velocity_known, range_known = (
+        math.isfinite(value) and math.isfinite(std) and value > 0 and std > 0
+        for value, std in (by_velocity, by_range)
+    )
+    if not velocity_known and not range_known:
+        return Height()
+    if not range_known:
+        return Height(*by_velocity, "velocity")
+    if not velocity_known:
+        return Height(*by_range, "rangefinder")
+    (first, first_std), (second, second_std) = by_velocity, by_range
+    a, b = (first_std / first) ** 2, (second_std / second) ** 2
+    apart = math.log(first / second)
+    drift = (_DRIFT_M_S / speed_m_s) ** 2 if speed_m_s > 0 else math.inf
+    both = second * math.exp(apart * b / (a + b))
+    return Height(both, both * math.sqrt(a * b / (a + b)), "both", apart * apart / (a + b + drift))
+
+
+def along_axis(range_m: float, std_m: float, down: Array, normal: Array) -> tuple[float, float]:
+    """Height along the optical axis, and one sigma, from a distance ``range_m`` along the ray ``down`` (3,), unit.
+
+    Both ray and ``normal`` (3,), (-a, -b, 1), are in the camera's axes: X on the plane has n . X = h. NaN where the
+    ray does not meet the plane.
+    """
+    share = float(normal @ down)
+    if not (share > 0 and range_m > 0 and std_m > 0):
+        return math.nan, math.nan
+    value = range_m * share
+    return value, value * math.hypot(std_m / range_m, _GROUND_SHARE)
 
 
 def height(

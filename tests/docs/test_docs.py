@@ -122,7 +122,6 @@ RUNNABLE = {page: [c for c in documented.commands(page) if runnable(c)] for page
 def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The first second of a recorded flight, with its truth."""
     folder = short_flight(tmp_path_factory.mktemp("short") / "flight", seconds=1.0)
-    shutil.copy(REPOSITORY / "sitl_logs" / "stairs_a" / "truth.csv", folder / "truth.csv")
     return folder
 
 
@@ -150,7 +149,7 @@ def test_commands_shown_run(page: Path, clone: Path, capsys: pytest.CaptureFixtu
         ]
         if command.program == "python":
             script = [sys.executable, str(REPOSITORY / command.name), *words]
-            result = subprocess.run(script, capture_output=True, text=True, timeout=120)
+            result = subprocess.run(script, capture_output=True, text=True, timeout=3600)
             assert result.returncode == 0, (command, result.stderr)
             continue
         assert cli.main([command.name, *words]) == 0, (command, capsys.readouterr().err)

@@ -17,7 +17,7 @@ CONTACT = (0.02, 0.08)
 
 @pytest.fixture(scope="module", params=NAMES)
 def flown(request: pytest.FixtureRequest, replay_cache: Path) -> tuple[str, Replayed, Score]:
-    replay = replayed(replay_cache, request.param, "--set", "estimator.method=map")
+    replay = replayed(replay_cache, request.param)
     return request.param, replay, score(FLIGHTS / request.param, replay.estimates)
 
 

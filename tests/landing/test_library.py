@@ -29,7 +29,7 @@ def test_the_public_names_are_there_and_documented():
 
 def test_importing_the_package_alone_loads_no_opencv():
     code = "import sys, landing.options; sys.exit('cv2' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], cwd=REPOSITORY, timeout=60).returncode == 0
+    assert subprocess.run([sys.executable, "-c", code], cwd=REPOSITORY, timeout=3600).returncode == 0
 
 
 def test_the_documented_example_is_short_and_the_file():
@@ -48,7 +48,7 @@ def test_the_example_measures_slope_and_relief_of_rendered_images(tmp_path: Path
             rows.writerow((k / RATE_HZ, 0, 0, 0))
     focal_px = str(float(made.lens.matrix[0, 0]))
     words = [sys.executable, str(EXAMPLE), str(tmp_path), focal_px]
-    result = subprocess.run(words, cwd=REPOSITORY, capture_output=True, text=True, timeout=120, check=True)
+    result = subprocess.run(words, cwd=REPOSITORY, capture_output=True, text=True, timeout=3600, check=True)
     lines = result.stdout.splitlines()
     assert len(lines) == 24
     found = re.fullmatch(r"23 ok: inclination (\S+) deg \+- (\S+), relief (\S+) of the distance", lines[-1])

@@ -16,7 +16,7 @@ from drivers.simulated.vehicle.rotors import FORWARD, REACTION, RIGHT, QuadX
 from drivers.simulated.vehicle.vehicle import AttitudeCommand, Multirotor, RotorCommand
 
 RATE_HZ = 200
-PATIENCE_S = 60.0
+PATIENCE_S = 600.0
 
 
 def servo_packet(count: int, pulses_us: Sequence[int], rate_hz: int = RATE_HZ, magic: int = 18458) -> bytes:

@@ -279,7 +279,7 @@ def renumbered(frame: bytes, sequence: int) -> bytes:
     return bytes(body) + checksum(bytes(body), len(body), extra).to_bytes(2, "little")
 
 
-PATIENCE_S = 60.0
+PATIENCE_S = 600.0
 
 
 def wait_for(condition: Callable[[], object], what: str) -> None:

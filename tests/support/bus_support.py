@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-PATIENCE_S = 60.0
+PATIENCE_S = 600.0
 
 ROUTER = """
 import sys

@@ -42,6 +42,8 @@ def short_flight(directory: Path, source: str = "stairs_a", seconds: float = 3.0
     )
     for name in ("camera.yaml", "landslope.toml"):
         shutil.copy(flight / name, directory / name)
+    truth = (flight / "truth.csv").read_text().splitlines()
+    (directory / "truth.csv").write_text("\n".join(truth[: len(kept) + 1]) + "\n")
     with (directory / "landslope.toml").open("a") as settings:
         settings.write(ASKS_FLYING_ON)
     return directory

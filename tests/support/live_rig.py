@@ -29,7 +29,7 @@ from drivers.system import host_clock
 from drivers.system.host_clock import now_us
 from landing.estimate import SurfaceEstimate
 
-PATIENCE_S = 60.0
+PATIENCE_S = 600.0
 STEP_S, MOST_S = 0.03, 0.1
 LAND = mavlink.MAV_CMD_NAV_LAND
 STEEP = replace(FLAT, inclination_deg=30.0, flat=False)

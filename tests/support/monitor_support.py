@@ -45,7 +45,7 @@ FLAGS = [
     "--disable-dev-shm-usage",
     "--hide-scrollbars",
 ]
-WAIT_S = 60.0
+WAIT_S = 600.0
 
 
 def eventually(true: Callable[[], Any], wait_s: float = WAIT_S) -> Any:

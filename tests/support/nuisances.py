@@ -32,6 +32,8 @@ CUTS = {
 straight down."""
 
 LIMIT_DEG = 10.0
+FRAME_COST_US = 100_000
+"""Four times what a frame costs a small board."""
 Image = NDArray[np.uint8]
 Edit = Callable[[list[Sample]], list[Sample]]
 
@@ -103,6 +105,24 @@ def slow_attitude(samples: list[Sample]) -> list[Sample]:
     return sample_edits.thin(sample_edits.thin(samples, Attitude, 10), Imu, 2)
 
 
+def quarter_of_a_core(samples: list[Sample]) -> list[Sample]:
+    """A frame takes FRAME_COST_US; of those that come meanwhile the newest is next, as with the camera's reader."""
+    out: list[Sample] = []
+    free_us, newest = 0, None
+    for s in samples:
+        if newest is not None and s.arrival_us >= free_us:
+            out.append(newest)
+            free_us, newest = free_us + FRAME_COST_US, None
+        if not isinstance(s, Frame):
+            out.append(s)
+        elif s.arrival_us >= free_us:
+            out.append(s)
+            free_us = s.arrival_us + FRAME_COST_US
+        else:
+            newest = s
+    return out
+
+
 def half_blank(number: int, image: Image) -> Image:
     """The left half has no texture but the sensor's noise."""
     out, middle = image.copy(), image.shape[1] // 2
@@ -144,6 +164,7 @@ NUISANCES: dict[str, Edit] = {
     "frames 20 ms late": late_stamps(20_000),
     "frames 20 ms early": late_stamps(-20_000),
     "attitude at 10 Hz": slow_attitude,
+    "a quarter of a core": quarter_of_a_core,
     "half without texture": pictures(half_blank),
     "brightness steps of 30 %": pictures(brightness_steps),
     "moving shadow": pictures(shadow),

@@ -10,11 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from places import REPOSITORY
+from flight_copy import FLIGHTS, short_flight
 
-FLIGHTS = REPOSITORY / "sitl_logs"
 NAMES = ("stairs_a", "ramp_a", "descent_a", "agile_a", "rubble_a", "stairs_c")
-PATIENCE_S = 300
+ENABLED = {"stairs_a": ("--enable-after", "8"), "ramp_a": ("--enable-after", "17")}
+"""When landing is enabled in replays for all tests; no estimate depends on it."""
+PATIENCE_S = 3600
+"""Only so that a command that hangs ends some day; a busy machine takes long."""
 
 
 @dataclass(frozen=True)
@@ -22,6 +24,7 @@ class Replayed:
     """What one replay wrote."""
 
     folder: Path
+    flight: Path
 
     @property
     def out(self) -> bytes:
@@ -55,16 +58,23 @@ def landslope(*arguments: object, **options: Any) -> subprocess.CompletedProcess
     )
 
 
-def replayed(cache: Path, flight: str, *arguments: str) -> Replayed:
-    """The replay of a flight with further arguments; run at most once in a test session, by whichever worker."""
-    digest = hashlib.sha256(" ".join(arguments).encode()).hexdigest()[:8]
+def replayed(cache: Path, flight: str, *arguments: str, seconds: float | None = None) -> Replayed:
+    """The replay of a flight with further arguments; run at most once in a test session, by whichever worker.
+
+    Without any, landing is enabled as ``ENABLED`` says. ``seconds``: how much of the flight, from its beginning.
+    """
+    arguments = arguments or ENABLED.get(flight, ())
+    digest = hashlib.sha256(f"{arguments} {seconds}".encode()).hexdigest()[:8]
     folder = cache / f"{flight}-{digest}"
+    path = FLIGHTS / flight if seconds is None else folder / "part" / flight
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not (folder / "summary.txt").exists():
-            run(FLIGHTS / flight, folder, *arguments)
-    return Replayed(folder)
+            if seconds is not None:
+                short_flight(path, flight, seconds)
+            run(path, folder, *arguments)
+    return Replayed(folder, path)
 
 
 def run(flight: Path, folder: Path, *arguments: str) -> Replayed:
@@ -74,4 +84,4 @@ def run(flight: Path, folder: Path, *arguments: str) -> Replayed:
     assert result.returncode == 0, result.stderr
     assert result.stderr == ""
     (folder / "summary.txt").write_text(result.stdout)
-    return Replayed(folder)
+    return Replayed(folder, flight)

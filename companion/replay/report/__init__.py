@@ -1,1 +1,2 @@
-"""One page of a flight that opens from the file system: what was below, the video, plots, events, settings, health."""
+"""``replay --report``: one self-contained HTML page of a flight, with verdicts, video, plots, map, events, settings and
+health. It opens in any browser from the file system, without a network."""

@@ -79,6 +79,8 @@ class Firmware:
     """ArduCopter: whether a failsafe for the radio is set up (FS_THR_ENABLE)."""
     gps: bool = True
     """Without it the estimator makes its velocity up, and says so."""
+    origin: bool = True
+    """ArduCopter: without one yet (its first half minute) it sends no LOCAL_POSITION_NED (observed)."""
     critical: bool = False
     chosen: str = ""
     """The mode that the pilot chose last; PX4 goes back to it when it disarms after a landing."""
@@ -160,6 +162,15 @@ class Firmware:
         self.critical = True
         c.set_mode("BRAKE")
         self._hold_left_s = FAILSAFE_HOLD_S
+
+    def breach_fence(self, c: Controlled) -> None:
+        """Beyond the fence: ArduCopter says so and returns, ACTIVE as before; PX4 holds, CRITICAL (both observed)."""
+        if self.px4:
+            c.texts.append((4, "Geofence: exceeding maximum distance to Home"))
+            self.critical = True
+        else:
+            c.texts.append((4, "Circle fence breached"))
+        c.set_mode("BRAKE" if self.px4 else "RTL")
 
     def takes(self, mode: str, parameters: dict[str, float]) -> bool:
         """PX4: OFFBOARD needs setpoints that come, and modes flown with sticks need sticks (both observed)."""

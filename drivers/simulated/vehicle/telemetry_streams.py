@@ -185,6 +185,8 @@ def _highres_imu(s: TelemetryStreams, boot_s: float) -> Any:
 
 def _local_position(s: TelemetryStreams, boot_s: float) -> Any:
     v = s.controller.vehicle
+    if not (s.controller.firmware.origin or s.controller.firmware.px4):
+        return None
     return mavlink.MAVLink_local_position_ned_message(
         _ms(boot_s), *v.position, *estimator_streams.velocity(s)
     )

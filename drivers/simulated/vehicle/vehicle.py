@@ -1,7 +1,9 @@
-"""A multirotor as a rigid body: attitude loop, thrust along the body axis, drag, wind with gusts, ground contact.
+"""A simulated multirotor as a rigid body: attitude loop, thrust along the body axis, drag, wind, ground contact.
 
-World NED in metres, body FRD, SI and radians. Plain floats rather than arrays: a step costs some 15
-microseconds. The same seed and the same commands give the same flight, bit for bit.
+In: a command for attitude and thrust, or for the rotors, at every step. Out: position and velocity (world NED, m and
+m/s), attitude (quaternion ned_from_body), body rates (body FRD, rad/s), specific force (m/s^2) and touchdowns. Plain
+floats are used instead of arrays, because a step then costs only some 15 microseconds. The same seed and the same
+commands give the same flight, bit for bit.
 """
 
 import math
@@ -24,7 +26,7 @@ from drivers.simulated.vehicle.quaternion import (
 LIFT_OFF = 1.05
 """Vertical thrust over weight at which a standing vehicle leaves the ground."""
 HOP_S = 0.3
-"""A shorter time in the air is no flight and ends in no touchdown."""
+"""A contact after a shorter time in the air does not count as a touchdown."""
 Ground = Callable[[float, float], float]
 """Height of the surface in m, up, at (north, east)."""
 
@@ -36,13 +38,14 @@ def level_ground(north: float, east: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Airframe:
-    """What the vehicle is made of; defaults are those of a quadrotor of some 1.5 kg."""
+    """Constants of the airframe; the defaults fit a quadrotor of some 1.5 kg."""
 
     attitude_gain: float = 8.0
-    """Body rate asked for per radian of attitude error, 1/s."""
+    """Commanded body rate per radian of attitude error, 1/s."""
     rate_lag_s: float = 0.05
-    """Time constant with which the body rates follow."""
+    """Time constant with which the body rates follow their command."""
     thrust_lag_s: float = 0.04
+    """Time constant with which thrust and torques follow theirs."""
     max_rate: float = 4.0
     """Largest roll or pitch rate, rad/s."""
     max_yaw_rate: float = 1.5
@@ -51,16 +54,16 @@ class Airframe:
     drag: float = 0.35
     """Linear drag over mass against the air, 1/s."""
     spin_damping: float = 1.0
-    """How fast body rates die away by themselves, 1/s."""
+    """Decay of the body rates without torque, 1/s; counts with RotorCommand only."""
     leg_m: float = 0.12
     """Body's reference point (and camera) above the ground when it stands."""
     leg_span_m: float = 0.4
-    """Distance between the legs: over it the ground's tilt is taken where the vehicle stands."""
+    """Distance between the legs; the tilt of the ground below a standing vehicle is measured over it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Wind:
-    """Mean wind (m/s, the way the air moves, north and east), gusts and turbulence's torques."""
+    """Mean wind (m/s, the direction in which the air moves), gusts, and body rates from turbulence."""
 
     north: float = 0.0
     east: float = 0.0
@@ -68,12 +71,12 @@ class Wind:
     """Standard deviation of the gusts per horizontal axis, m/s; a third of it vertically."""
     gust_time_s: float = 1.5
     shake_std: float = 0.0
-    """Standard deviation of the body rates that turbulence asks for, rad/s."""
+    """Standard deviation of the body rates that turbulence adds to the commanded ones, rad/s."""
 
 
 @dataclass(slots=True)
 class AttitudeCommand:
-    """What the flight controller asks of the airframe."""
+    """What the flight controller commands, when the attitude loop is the airframe's."""
 
     attitude: Quaternion = (1.0, 0.0, 0.0, 0.0)
     """ned_from_body."""
@@ -83,7 +86,7 @@ class AttitudeCommand:
 
 @dataclass(frozen=True, slots=True)
 class RotorCommand:
-    """What the rotors do when somebody else closes the attitude loop."""
+    """What the rotors do, when an external autopilot closes the attitude loop."""
 
     thrust: float
     """Sum over mass along body -z, m/s^2."""
@@ -93,7 +96,7 @@ class RotorCommand:
 
 @dataclass(frozen=True, slots=True)
 class TouchDown:
-    """The moment at which the vehicle came to stand."""
+    """A touchdown: time, place and speed at the contact."""
 
     time_s: float
     position: Vector
@@ -105,13 +108,13 @@ class TouchDown:
 
 @dataclass(slots=True)
 class Multirotor:
-    """The vehicle's true state; ``step`` moves it on by ``dt``."""
+    """The vehicle's true state; ``step`` advances it by ``dt`` seconds."""
 
     airframe: Airframe = field(default_factory=Airframe)
     wind: Wind = field(default_factory=Wind)
     ground: Ground = level_ground
     highest_ground: float = math.inf
-    """Height that no ground reaches: above it the ground is not asked for."""
+    """No ground is higher (m, up): above it the height of the ground is not computed, which saves time."""
     seed: int = 1
     position: Vector = (0.0, 0.0, 0.0)
     velocity: Vector = (0.0, 0.0, 0.0)
@@ -119,8 +122,9 @@ class Multirotor:
     rates: Vector = (0.0, 0.0, 0.0)
     """Body rates, rad/s."""
     specific_force: Vector = (0.0, 0.0, -GRAVITY)
-    """What an accelerometer feels, body axes, m/s^2."""
+    """What an accelerometer measures: acceleration without gravity, body axes, m/s^2."""
     thrust: float = 0.0
+    """Over mass, m/s^2; it follows the command with a lag."""
     time_s: float = 0.0
     on_ground: bool = True
     touch_downs: list[TouchDown] = field(default_factory=list)
@@ -159,7 +163,7 @@ class Multirotor:
 
     @property
     def euler(self) -> Vector:
-        """Roll, pitch, yaw."""
+        """Roll, pitch, yaw, rad."""
         return to_euler(self.attitude)
 
     @property
@@ -168,7 +172,7 @@ class Multirotor:
         return -self.position[2] - self.ground(self.position[0], self.position[1])
 
     def step(self, dt: float, command: AttitudeCommand | RotorCommand) -> None:
-        """Advance by ``dt`` seconds under a command that is held for the time."""
+        """Advance by ``dt`` seconds under a constant command (explicit Euler, trapezoidal for the position)."""
         self.time_s += dt
         self._blow(dt)
         body = self.airframe
@@ -207,7 +211,7 @@ class Multirotor:
             self._touch()
 
     def _sinking_into_ground(self) -> bool:
-        """Whether the way between vehicle and ground closes: a step's edge can come up under a level flight."""
+        """Whether vehicle and ground approach each other: over an edge they can, although the vehicle flies level."""
         n, e, _ = self.position
         vn, ve, vd = self.velocity
         ahead = 0.01
@@ -243,6 +247,7 @@ class Multirotor:
         return from_euler(-math.atan(aside * math.cos(pitch)), pitch, yaw)
 
     def _stand(self, dt: float) -> None:
+        """At rest on the ground: the attitude settles to the slope within some 0.1 s."""
         target = self._standing_attitude(self.euler[2])
         mix = min(1.0, dt / 0.1)
         sign = 1.0 if sum(a * b for a, b in zip(self.attitude, target, strict=True)) >= 0 else -1.0
@@ -270,7 +275,7 @@ class Multirotor:
         self.attitude = normalised(multiply(q, (1.0, r[0] * half, r[1] * half, r[2] * half)))
 
     def _spin_up(self, dt: float, command: RotorCommand) -> None:
-        """Torque with the rotors' lag -> rates, and turbulence's share."""
+        """Angular acceleration with the rotors' lag, turbulence and damping -> body rates."""
         body, r = self.airframe, self.rates
         mix = min(1.0, dt / body.thrust_lag_s)
         a, b = self._spin, command.spin
@@ -296,7 +301,7 @@ class Multirotor:
         )
 
     def _blow(self, dt: float) -> None:
-        """Ornstein-Uhlenbeck gusts and shaking."""
+        """Gusts and turbulence as Ornstein-Uhlenbeck processes."""
         w = self.wind
         if w.gust_std > 0.0:
             keep = math.exp(-dt / w.gust_time_s)

@@ -4,6 +4,7 @@ import pytest
 
 from companion.core.consent import STATUS_MAX_AGE_S, Consent
 from companion.core.health import HealthMonitor
+from companion.messages.conditions import Code, condition
 from companion.settings.settings import HealthSettings, LandingSettings
 from drivers.samples import (
     Attitude,
@@ -154,6 +155,8 @@ def test_a_joystick_moved_ends_the_permission_too() -> None:
         ((beat(status=6),), "failsafe"),
         ((beat(status=8),), "failsafe"),
         ((text("Battery Failsafe"),), "failsafe"),
+        ((text("Circle fence breached"),), "failsafe"),
+        ((text("Circle, Polygon fences breached"),), "failsafe"),
         ((LOST,), "radio_lost"),
         ((GONE,), "radio_lost"),
         ((text("Radio Failsafe - Continuing Guided Mode"),), "radio_lost"),
@@ -167,6 +170,7 @@ def test_what_ends_a_permission_and_does_not_renew_it_when_it_passes(samples, co
     assert scene.codes()[0] in (code, "failsafe")  # a radio's failsafe is one
     calm = (beat(), RADIO, IN_AIR, rc(1900))
     scene.feed(0.3, text("Radio Failsafe Cleared"), text("Battery Failsafe Cleared"), *calm)
+    scene.feed(0.35, text("Fence breach cleared"))
     scene.feed(0.4, text("Manual control regained"), *calm)
     assert not scene.enabled
     assert len(scene.codes()) == 1, scene.codes()
@@ -249,3 +253,63 @@ def test_two_vehicles_withhold_without_ending_the_permission() -> None:
     assert "two vehicles" in scene.consent.against_enabling
     scene.health.vehicles_clash = False
     assert scene.codes() == []
+
+
+def test_a_reboot_ends_what_the_pilot_gave_and_not_what_was_given_by_hand() -> None:
+    scene = Scene(by_pilot=False, enabled=True).feed(0, beat(), IN_AIR)
+    scene.consent.reboot()
+    assert scene.feed(0.1, beat(), IN_AIR).enabled
+
+
+@pytest.mark.parametrize(
+    ("scene", "samples", "lost"),
+    [
+        (flying(), (rc(1900),), False),
+        (flying(), (LOST, rc(1900)), True),
+        (radio().feed(-60, beat(), RADIO, rc(1900)), (beat(),), True),
+        (Scene(enabled=True), (beat(),), False),
+    ],
+)
+def test_the_radio_is_lost_by_status_or_by_silence_of_its_switch(
+    scene: Scene, samples: tuple, lost: bool
+) -> None:
+    assert scene.feed(0.2, *samples).consent.radio_lost is lost
+
+
+def test_without_a_switch_on_the_radio_its_status_may_stop() -> None:
+    scene = Scene(enabled=True).feed(0, beat(), IN_AIR, RADIO)
+    scene.feed(STATUS_MAX_AGE_S + 5, beat(), IN_AIR)
+    assert scene.codes() == []
+
+
+def test_a_landed_state_that_stopped_is_not_known() -> None:
+    scene = flying()
+    scene.feed(6.0, beat(), RADIO, rc(1900))
+    assert "in_air_unknown" in scene.codes()
+
+
+def test_without_heartbeats_neither_arming_nor_mode_is_known_and_the_modes_permission_ends() -> None:
+    scene = Scene(enable_modes=("LOITER",), allowed_modes=("LOITER",))
+    scene.feed(0, beat("GUIDED"), IN_AIR)
+    assert scene.feed(0.1, beat("LOITER"), IN_AIR).enabled
+    scene.feed(10.0, IN_AIR)
+    codes = scene.codes()
+    assert {"armed_unknown", "mode_unknown", "mode_lost"} <= set(codes)
+
+
+@pytest.mark.parametrize(
+    ("code", "words"), [(Code.UNCALIBRATED, "calibrat"), (Code.TWO_VEHICLES, "two vehicles")]
+)
+def test_what_stands_against_enabling_is_said(code: Code, words: str) -> None:
+    scene = flying()
+    assert scene.consent.against_enabling == ""
+    scene.health.standing = (condition(code),)
+    assert words in scene.consent.against_enabling
+
+
+def test_the_switch_is_turned_by_hand_where_the_settings_name_none() -> None:
+    scene = Scene(by_pilot=False).feed(0, beat())
+    scene.consent.set_enabled(True, scene.now_us)
+    assert scene.enabled
+    scene.consent.set_enabled(False, scene.now_us)
+    assert not scene.enabled

@@ -28,7 +28,7 @@ from drivers.simulated.vehicle.autopilot import SimulatedAutopilot
 
 STAIRS = SITL_LOGS / "stairs_a"
 OPTIONS = DoctorOptions()
-PATIENCE_S = 60.0
+PATIENCE_S = 600.0
 
 
 def loaded(*overrides: str) -> LoadedSettings:

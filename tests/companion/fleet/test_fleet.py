@@ -25,7 +25,7 @@ from landing.estimate import SurfaceEstimate
 
 SYSTEMD = REPOSITORY / "systemd"
 EXAMPLE = REPOSITORY / "docs" / "examples" / "subscriber.py"
-WAIT_S = 60.0
+WAIT_S = 600.0
 
 
 def eventually(true: Callable[[], bool]) -> bool:

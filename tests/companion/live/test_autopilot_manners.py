@@ -66,6 +66,24 @@ def test_ardupilot_a_lost_radio_ends_the_permission_though_its_channels_go_on(fl
     flight.silent()
 
 
+@pytest.mark.parametrize(("kind", "mode"), [("ardupilot", "GUIDED"), ("px4", "LOITER")])
+def test_a_breached_fence_ends_the_permission_and_its_mode_given_back_does_not_renew_it(
+    fly, kind: str, mode: str
+) -> None:
+    flight = fly(Firmware(kind), mode, enable_rc_channel=SWITCH)
+    flight.wait(lambda: flight.codes[0] == "switch_off", "switch that is off")
+    flight.autopilot.set_channel(SWITCH, 1900)
+    flight.wait(lambda: "landing_enabled" in flight.events, "permission")
+    with flight.autopilot.lock:
+        flight.controller.firmware.breach_fence(flight.controller)
+    flight.wait(lambda: flight.codes[0] == "failsafe", "the permission's end")
+    with flight.autopilot.lock:
+        flight.controller.firmware.critical = False
+    flight.autopilot.set_mode(mode)
+    flight.wait(lambda: flight.codes == ("failsafe",), "a vehicle that could land")
+    flight.silent()
+
+
 @pytest.mark.parametrize(
     ("vehicle_type", "vtol_state", "code"),
     [

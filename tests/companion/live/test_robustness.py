@@ -15,7 +15,8 @@ BOUND_DEG = 1.0
 NEARLY_ALL = 0.95
 MOST_SILENT = 0.2
 
-AT_THE_ATTITUDE = ("gyro bias of 1 deg/s", "frames 20 ms late", "frames 20 ms early", "attitude at 10 Hz")
+STAMPS = ("frames 20 ms late", "frames 20 ms early")
+AT_THE_ATTITUDE = ("gyro bias of 1 deg/s", *STAMPS, "attitude at 10 Hz")
 IN_THE_PICTURE = (
     "half without texture",
     "brightness steps of 30 %",
@@ -41,14 +42,21 @@ def test_never_a_confident_wrong_answer(cut: str, nuisance: str):
     assert judged >= 20
     assert len(outcome.silent) <= MOST_SILENT * judged, outcome.silent
     assert outcome.within(SIGMAS, BOUND_DEG) >= NEARLY_ALL
+    if cut == "agile" and nuisance in STAMPS:
+        # up to 60 deg/s for 20 ms: 1.2 degrees of attitude, until the pictures show it
+        assert outcome.within(SIGMAS, 0.0) >= NEARLY_ALL
+        assert float(np.quantile(outcome.errors, 0.95)) < 0.6
 
 
-@pytest.mark.parametrize("nuisance", ["frames 20 ms late", "frames 20 ms early"])
-def test_stamps_that_are_wrong_in_a_fast_turn_are_found_out(nuisance: str):
-    """Up to 60 deg/s for 20 ms: 1.2 degrees of attitude, until the pictures show it."""
-    outcome = nuisances.run("agile", nuisance)
-    assert outcome.within(SIGMAS, 0.0) >= NEARLY_ALL
-    assert float(np.quantile(outcome.errors, 0.95)) < 0.6
+@pytest.mark.parametrize("cut", ["steep", "agile", "descent"])
+def test_a_processor_with_a_quarter_of_its_speed_leaves_sigmas_right(cut: str):
+    """Two of three frames are skipped, evenly: error over sigma is what it is with all of them (0.7 to 1.3)."""
+    outcome = nuisances.run(cut, "a quarter of a core")
+    assert 30 <= outcome.frames <= 40
+    assert outcome.unsafe_flat == 0
+    assert len(outcome.silent) <= MOST_SILENT * outcome.frames
+    assert float(np.quantile(outcome.errors / outcome.stds, 0.95)) < 1.8
+    assert outcome.within(SIGMAS, 0.0) == 1.0
 
 
 def test_late_stamps_are_reported_of_once():

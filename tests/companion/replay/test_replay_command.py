@@ -44,10 +44,10 @@ def lines(path: Path) -> list[dict]:
     return [json.loads(line) for line in path.read_text().splitlines()]
 
 
-def test_files_of_one_flight(flight: Path, tmp_path: Path, capsys):
+def test_files_of_one_flight_and_what_the_video_shows(flight: Path, tmp_path: Path, capsys):
     out, events, plot, video = (tmp_path / n for n in ("e.jsonl", "v.jsonl", "p.png", "o.webm"))
     arguments = ["--out", out, "--events", events, "--plot", plot, "--video", video, "--enable-after", "1"]
-    arguments += ["--set", "decision.dwell_s=0.1"]  # the flight is short
+    arguments += ["--set", "decision.dwell_s=0.3"]  # the flight is short
     assert cli.main(["replay", str(flight), *map(str, arguments)]) == 0
     assert [estimate["frame"] for estimate in lines(out)] == list(range(FRAMES))
     reported = lines(events)
@@ -60,23 +60,16 @@ def test_files_of_one_flight(flight: Path, tmp_path: Path, capsys):
     picture = cv2.imread(str(plot))
     assert picture.shape[0] > 600
     assert picture.std() > 20
-    drawn = VideoFile(video)
-    pictures = [image for _, image in drawn.images()]
-    assert len(pictures) == FRAMES
-    assert drawn.fps == pytest.approx(30, abs=0.1)
-    assert pictures[0].shape == (720, 960)
-
-
-def test_the_picture_shows_the_verdict_and_the_tracks(flight: Path, tmp_path: Path):
-    video = tmp_path / "o.webm"
-    assert cli.main(["replay", str(flight), "--video", str(video), "--set", "decision.dwell_s=0.3"]) == 0
+    assert VideoFile(video).fps == pytest.approx(30, abs=0.1)
     capture = cv2.VideoCapture(str(video))
-    seen = [capture.read()[1] for _ in range(FRAMES)]
-    unknown, fit = seen[5][30, 850].astype(int), seen[85][30, 850].astype(int)
+    pictures = [image for read, image in iter(capture.read, (False, None)) if read]
+    assert len(pictures) == FRAMES
+    assert pictures[0].shape == (720, 960, 3)
+    unknown, fit = pictures[5][30, 850].astype(int), pictures[85][30, 850].astype(int)
     assert np.ptp(unknown) < 30, "grey while nothing is known"
     assert fit[1] > fit[0] + 40, "green when fit"
     assert fit[1] > fit[2] + 40
-    green = (seen[85][..., 1].astype(int) - seen[85][..., 2]) > 60
+    green = (pictures[85][..., 1].astype(int) - pictures[85][..., 2]) > 60
     assert 500 < green[80:600, :250].sum() < 40_000, "tracks in green beside the grid"
 
 
@@ -261,7 +254,7 @@ def test_an_interrupt_ends_it_without_a_traceback(several: bool, flight: Path, t
     while process.poll() is None and not (written.exists() and written.stat().st_size):
         time.sleep(0.05)
     os.killpg(process.pid, signal.SIGINT)
-    _, said = process.communicate(timeout=120)
+    _, said = process.communicate(timeout=3600)
     assert process.returncode == 130
     assert said == b""
 

@@ -160,7 +160,7 @@ def test_output_that_nobody_reads_is_no_error(command: list[str]):
     read, write = os.pipe()
     os.close(read)
     words = [sys.executable, "-m", "companion.cli", *command]
-    result = subprocess.run(words, stdout=write, stderr=subprocess.PIPE, timeout=60)
+    result = subprocess.run(words, stdout=write, stderr=subprocess.PIPE, timeout=3600)
     os.close(write)
     assert result.stderr == b""
 

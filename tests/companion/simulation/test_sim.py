@@ -295,8 +295,8 @@ def test_flights_that_went_wrong_come_first_in_the_report() -> None:
 
 def test_monte_carlo_in_two_processes(tmp_path: Path) -> None:
     """That a flight is the same in any process is tested with those of Dask."""
-    report = fly_many(2, 500, 2)
-    assert [r.seed for r in report.runs] == [500, 501]
+    report = fly_many(2, 59, 2)  # two with short exposures, which are drawn fast
+    assert [r.seed for r in report.runs] == [59, 60]
     assert report.requested_on_unfit.count == 0, report.in_words()
     assert "2 flights" in report.in_words()
     assert json.loads(json.dumps(report.as_table()))["flights"] == 2

@@ -25,7 +25,7 @@ from drivers.simulated.vehicle.firmware import Firmware
 from drivers.simulated.vehicle.vehicle import Multirotor
 from landing.decision.procedure_options import OUR_MODES
 
-PATIENCE_S = 60.0
+PATIENCE_S = 600.0
 SET_MODE = mavlink.MAV_CMD_DO_SET_MODE
 SPEED = (0.6, 0.0, 0.0)
 LEASE_S = 30.0

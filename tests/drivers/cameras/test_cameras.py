@@ -25,7 +25,7 @@ from drivers.samples import Frame, Refusal
 from drivers.system.host_clock import now_us
 
 QUICK = ReaderLimits(open_timeout_s=20.0, read_timeout_s=1.0, first_retry_s=0.05, longest_retry_s=0.2)
-PATIENCE_S = 60.0
+PATIENCE_S = 600.0
 
 
 def collect(camera: Camera, count: int) -> list[Frame]:
@@ -333,7 +333,7 @@ def test_the_command_ends_well_while_a_read_hangs():
             [sys.executable, "-m", "companion.cli", *words],
             capture_output=True,
             text=True,
-            timeout=120,
+            timeout=3600,
             check=False,
         )
     assert done.returncode == 2, done.stderr

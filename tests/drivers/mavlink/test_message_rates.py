@@ -54,11 +54,22 @@ def test_a_rate_that_is_taken_away_is_asked_for_again_within_a_second(wanted_hz:
     assert stream.slow == []
 
 
-def test_a_rate_that_never_comes_is_asked_for_ever_more_rarely_and_reported() -> None:
+def test_a_rate_that_never_comes_up_is_asked_for_ever_more_rarely_and_reported() -> None:
     stream = Stream(50.0, obeys=False).run(60.0)
     gaps = [b - a for a, b in pairwise(stream.asked)]
     assert gaps == pytest.approx([4, 8, 16, 30], abs=0.1)
     assert 3.0 < stream.slow[0] < 4.5
+
+
+def test_a_message_that_never_came_is_missing_and_not_slow() -> None:
+    """LOCAL_POSITION_NED of an ArduCopter without an origin: asked for all the same, and slow only once it came."""
+    stream = Stream(30.0, obeys=False)
+    stream._due_s = 40.0
+    stream.run(39.0)
+    assert len(stream.asked) > 2
+    assert stream.slow == []
+    stream.run(20.0)
+    assert stream.slow[0] > 40.0
 
 
 def test_a_rate_that_is_a_little_low_is_enough() -> None:

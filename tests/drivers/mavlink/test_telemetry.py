@@ -245,3 +245,36 @@ def test_current_mode_is_decoded_though_the_dialect_lacks_it() -> None:
         (sent,) = mavlink.MAVLink(None).parse_buffer(message.pack(codec))
         samples = decoder.decode(sent, 7)
     assert samples == [CurrentMode(7, "HOLD", "POSCTL")]
+
+
+@pytest.mark.parametrize(
+    ("fields", "distance_m", "std_m"),
+    [
+        ({}, 3.21, None),
+        ({"covariance": 25}, 3.21, 0.05),
+        ({"covariance": 255}, 3.21, None),
+        ({"current_distance": 10}, None, None),
+        ({"current_distance": 4000}, None, None),
+        ({"current_distance": 65535}, None, None),
+        ({"current_distance": 0}, None, None),
+        ({"signal_quality": 1}, None, None),
+        ({"signal_quality": 100}, 3.21, None),
+        ({"max_distance": 5}, None, None),
+    ],
+)
+def test_a_rangefinder_measures_within_its_own_limits(fields, distance_m, std_m):
+    of = {"current_distance": 321, "orientation": 25, "covariance": 0, "max_distance": 4000} | fields
+    message = M.MAVLink_distance_sensor_message(
+        1000, 10, of["max_distance"], of["current_distance"], 0, 1, of["orientation"], of["covariance"],
+        signal_quality=of.get("signal_quality", 0),
+    )  # fmt: skip
+    (found,) = decode(TelemetryDecoder(), message)
+    assert found.distance_m == (None if distance_m is None else pytest.approx(distance_m))
+    assert found.std_m == (None if std_m is None else pytest.approx(std_m))
+    assert (found.boot_us, found.min_m, found.max_m) == (1_000_500, 0.1, of["max_distance"] / 100)
+
+
+@pytest.mark.parametrize("orientation", [0, 24, 26, 100])
+def test_a_rangefinder_that_looks_elsewhere_is_none(orientation):
+    message = M.MAVLink_distance_sensor_message(1000, 10, 4000, 321, 0, 1, orientation, 0)
+    assert decode(TelemetryDecoder(), message) == []

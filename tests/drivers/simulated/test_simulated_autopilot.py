@@ -31,7 +31,7 @@ def test_mavsdk_takes_off_goes_and_lands() -> None:
             [sys.executable, TOOLS / "mavsdk_flight.py", f"udpin://127.0.0.1:{port}"],
             capture_output=True,
             text=True,
-            timeout=300,
+            timeout=3600,
         )
     assert script.returncode == 0, script.stderr
     said: dict[str, float] = {}
@@ -76,7 +76,7 @@ def test_mavproxy_connects_and_arms(tmp_path: Path) -> None:
         while not autopilot.controller.armed and time.monotonic() < end:
             time.sleep(0.05)
         proxy.terminate()
-        output = proxy.communicate(timeout=60)[0]
+        output = proxy.communicate(timeout=600)[0]
     assert autopilot.controller.armed, output
     arming = [c for c in autopilot.commands if c.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM]
     assert arming

@@ -32,21 +32,35 @@ def rotation(roll: float, pitch: float, yaw: float) -> np.ndarray:
     return rz @ ry @ rx
 
 
-def moller_trumbore(facets: list[Facet], origin: np.ndarray, direction: np.ndarray) -> float:
-    """Distance along a ray to the nearest facet, by triangles: no code shared with the renderer."""
-    best = math.inf
-    for f in facets:
-        for k in range(1, len(f.vertices) - 1):
-            a, b, c = f.vertices[0], f.vertices[k], f.vertices[k + 1]
-            if (origin - a) @ np.cross(b - a, c - a) <= 0:
-                continue
-            solution = np.linalg.lstsq(np.stack([-direction, b - a, c - a], axis=1), origin - a, rcond=None)[
-                0
-            ]
-            t, u, v = solution
-            if t > 0 and u >= -1e-9 and v >= -1e-9 and u + v <= 1 + 1e-9:
-                best = min(best, t)
-    return best
+def triangles_of(facets: list[Facet]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """First corner and both edges from it of every triangle, each (n, 3)."""
+    found = [
+        (f.vertices[0], f.vertices[k] - f.vertices[0], f.vertices[k + 1] - f.vertices[0])
+        for f in facets
+        for k in range(1, len(f.vertices) - 1)
+    ]
+    corner, first, second = (np.array(part) for part in zip(*found, strict=True))
+    return corner, first, second
+
+
+def moller_trumbore(
+    triangles: tuple[np.ndarray, np.ndarray, np.ndarray], origin: np.ndarray, direction: np.ndarray
+) -> float:
+    """Distance along a ray to the nearest triangle that faces it: no code shared with the renderer."""
+    corner, first, second = triangles
+    p = np.cross(direction, second)
+    from_corner = origin - corner
+    q = np.cross(from_corner, first)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = 1 / (first * p).sum(axis=1)
+        t, u, v = (
+            (second * q).sum(axis=1) * scale,
+            (from_corner * p).sum(axis=1) * scale,
+            q @ direction * scale,
+        )
+    faces = (from_corner * np.cross(first, second)).sum(axis=1) > 0
+    hit = faces & (t > 0) & (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9)
+    return float(t[hit].min(initial=math.inf))
 
 
 SCENES = {
@@ -68,10 +82,10 @@ def test_depth_is_that_of_rays_cast_one_by_one(name: str, samples: int) -> None:
     depth, _ = renderer.depth(position, ned_from_camera)
     rng = np.random.default_rng(3)
     rows, columns = rng.integers(0, 240, 40), rng.integers(0, 320, 40)
-    rays = renderer.rays()
+    rays, triangles = renderer.rays(), triangles_of(facets)
     for r, c in zip(rows, columns, strict=True):
         ray = rays[r, c]
-        expected = moller_trumbore(facets, position, ned_from_camera @ ray)
+        expected = moller_trumbore(triangles, position, ned_from_camera @ ray)
         assert depth[r, c] == pytest.approx(expected, rel=2e-5), (r, c)
         index, distance = renderer.cast(position, ned_from_camera @ ray)
         assert distance == pytest.approx(expected, rel=1e-9)

@@ -13,7 +13,7 @@ from places import REPOSITORY
 
 from drivers.system.workers import worker_pool
 
-PATIENCE_S = 60.0
+PATIENCE_S = 300.0
 """For everything that must come; the workers would otherwise sleep for much longer."""
 SLEEP_S = 600
 FLIGHTS = [str(REPOSITORY / "sitl_logs" / name) for name in ("stairs_a", "rubble_a")]

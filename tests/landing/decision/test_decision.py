@@ -64,18 +64,18 @@ def test_flat_has_nothing_against_it():
         ),
         (
             {"suspicious": True},
-            "perhaps too rough: something may stand out where ground has just come into view",
+            "perhaps too rough: possible relief where ground has just come into view",
         ),
         (
             {"appearance_change": True},
-            "perhaps another surface: what comes into view is unlike the rest and not measured yet",
+            "perhaps another surface: ground that comes into view looks different, not measured yet",
         ),
         ({"roughness": math.nan}, "roughness unknown"),
         ({"roughness_std": 0.005}, "roughness uncertain: 0.0020, may be 0.0120, limit 0.0100"),
         ({"roughness_std": math.nan}, "roughness uncertain: 0.0020, may be nan, limit 0.0100"),
-        ({"obstacle_points": 2}, "too rough: 2 points stand out, limit 1"),
-        ({"coverage": 0.1}, "too little of the surface seen: 0.10, at least 0.30"),
-        ({"coverage": math.nan}, "too little of the surface seen: nan, at least 0.30"),
+        ({"obstacle_points": 2}, "too rough: 2 obstacle points, limit 1"),
+        ({"coverage": 0.1}, "too little of the surface seen: 0.10, at least 0.30 needed"),
+        ({"coverage": math.nan}, "too little of the surface seen: nan, at least 0.30 needed"),
     ],
 )
 def test_each_condition_stands_against_flat_by_itself_in_words(change: dict, words: str):
@@ -92,7 +92,7 @@ def test_a_surface_is_fit_after_the_dwell_time_and_not_before():
     verdicts = run(decider, [FLAT] * 8)
     assert verdicts == ["unknown"] * 5 + ["fit"] * 3
     again = Decider(OPTIONS)
-    assert in_words(again.step(FLAT).reasons) == ("flat for 0.0 s only, 0.5 s asked for",)
+    assert in_words(again.step(FLAT).reasons) == ("flat for 0.0 s, 0.5 s needed",)
 
 
 def test_a_steep_frame_restarts_the_dwell_time():

@@ -7,10 +7,16 @@ from functools import partial
 from types import ModuleType
 
 import mutation
+import pytest
 from places import REPOSITORY
 
 import companion.core.command as command
+import companion.core.consent as consent
+import companion.core.pilot as pilot
+import companion.core.vehicle_state as vehicle_state
+import landing.decision.arrival as arrival
 import landing.decision.decision as decision
+import landing.decision.looking as looking
 import landing.decision.permission as permission
 
 
@@ -59,7 +65,12 @@ def cases(module: ModuleType) -> list[Callable[[], None]]:
         if not name.startswith("test_") or hasattr(test, "hypothesis"):
             continue
         marks = [mark for mark in getattr(test, "pytestmark", ()) if mark.name == "parametrize"]
-        found += [partial(test, *values) for values in marks[0].args[1]] if marks else [test]
+        if not marks:
+            found.append(test)
+            continue
+        names = marks[0].args[0]
+        one = isinstance(names, str) and "," not in names
+        found += [partial(test, *((values,) if one else values)) for values in marks[0].args[1]]
     return found
 
 
@@ -73,6 +84,29 @@ def test_every_rule_of_the_decision_is_needed() -> None:
         return True
 
     assert mutation.survivors(decision, passes) == []
+
+
+@pytest.mark.parametrize(
+    ("module", "tests"),
+    [
+        (consent, ("companion/core/test_consent",)),
+        (vehicle_state, ("companion/core/test_consent", "companion/core/test_vehicle_state")),
+        (pilot, ("companion/core/test_consent",)),
+        (arrival, ("landing/decision/test_arrival",)),
+        (looking, ("landing/decision/test_arrival",)),
+    ],
+)
+def test_every_rule_of_what_permission_and_procedure_ask_is_needed(
+    module: ModuleType, tests: tuple[str, ...]
+) -> None:
+    found = [case for path in tests for case in cases(table_of(path))]
+
+    def passes() -> bool:
+        for test in found:
+            test()
+        return True
+
+    assert mutation.survivors(module, passes) == []
 
 
 def test_every_rule_of_the_command_is_needed() -> None:

@@ -14,6 +14,8 @@ from landing.options import GroundOptions
 
 OPTIONS = GroundOptions()
 MIDDLE = CELLS // 2
+PART = 32
+"""Cells a side that are seen where the whole map would only take longer."""
 Array = np.ndarray
 
 
@@ -35,7 +37,15 @@ def slope(degrees: float, bearing: float = 30.0) -> Array:
 
 def middle(ground: GroundMap, tilt_std_deg: float = 0.3, scale_std: float = 0.1) -> Disc:
     """The disc in the middle."""
-    return Discs(ground, OPTIONS, tilt_std_deg, scale_std).at(MIDDLE, MIDDLE)
+    return alone(ground, OPTIONS, tilt_std_deg, scale_std)
+
+
+def alone(
+    ground: GroundMap, options: GroundOptions, tilt_std_deg: float = 0.3, scale_std: float = 0.1
+) -> Disc:
+    """The disc in the middle, computed by itself; a property below says that it is the one of the whole map."""
+    only = np.array([MIDDLE * CELLS + MIDDLE])
+    return Discs(ground, options, tilt_std_deg, scale_std, only).at(MIDDLE, MIDDLE)
 
 
 @pytest.mark.parametrize(
@@ -149,14 +159,17 @@ def test_without_metres_nothing_is_landable(scale_std: float) -> None:
     disc = middle(measured(), scale_std=scale_std)
     assert disc.verdict == UNKNOWN
     assert GroundCode.NO_METRES in disc.reasons
-    discs = Discs(measured(), OPTIONS, 0.3, scale_std)
+    ground = measured()
+    ground.looks[PART:] = 0.0
+    discs = Discs(ground, OPTIONS, 0.3, scale_std)
     assert not discs.landable.any()
-    assert discs.spots(measured(), 0.0) == ()
+    assert discs.spots(ground, 0.0) == ()
 
 
 @pytest.mark.parametrize("place", [(-1, MIDDLE), (MIDDLE, CELLS), (10**9, 0)])
 def test_outside_of_the_grid_is_unknown(place: tuple[int, int]) -> None:
-    assert Discs(measured(), OPTIONS, 0.3, 0.1).at(*place) == Disc(UNKNOWN, (GroundCode.NOT_SEEN,))
+    only = np.array([MIDDLE * CELLS + MIDDLE])
+    assert Discs(measured(), OPTIONS, 0.3, 0.1, only).at(*place) == Disc(UNKNOWN, (GroundCode.NOT_SEEN,))
 
 
 @settings(deadline=None, max_examples=30)
@@ -186,9 +199,13 @@ def test_the_picture_of_all_cells_says_what_each_disc_says(seed: int, rough: flo
     rng = np.random.default_rng(seed)
     ground = measured(rng.normal(0, rough, (CELLS, CELLS)))
     ground.looks[rng.random((CELLS, CELLS)) < hole] = 0.0
+    ground.looks[:, PART:] = ground.looks[PART:] = 0.0
     discs = Discs(ground, OPTIONS, 0.3, 0.1)
-    for row, column in rng.integers(0, CELLS, (30, 2)):
-        assert discs.landable[row, column] == (discs.at(row, column).verdict == LANDABLE)
+    landable = discs.landable
+    for row, column in rng.integers(0, PART, (30, 2)):
+        assert landable[row, column] == (discs.at(row, column).verdict == LANDABLE)
+        only = Discs(ground, OPTIONS, 0.3, 0.1, np.array([row * CELLS + column]))
+        assert only.at(row, column).verdict == discs.at(row, column).verdict
 
 
 def test_spots_keep_away_from_hazards_and_from_the_unknown() -> None:
@@ -229,6 +246,6 @@ def test_a_larger_vehicle_needs_more_ground() -> None:
     ground.height[MIDDLE + 8] = 0.5
     assert middle(ground).verdict == LANDABLE
     wide = replace(OPTIONS, landing_radius_m=0.9)
-    assert Discs(ground, wide, 0.3, 0.1).at(MIDDLE, MIDDLE).verdict == HAZARD
+    assert alone(ground, wide).verdict == HAZARD
     tall = replace(OPTIONS, max_step_m=0.5, landing_radius_m=0.9)
-    assert Discs(ground, tall, 0.3, 0.1).at(MIDDLE, MIDDLE).verdict != HAZARD
+    assert alone(ground, tall).verdict != HAZARD

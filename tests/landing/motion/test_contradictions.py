@@ -125,3 +125,24 @@ def test_a_lateness_found_at_first_is_no_change():
     comparisons = Contradictions()
     assert run(comparisons, 1, late_s=0.0, late_std_s=0.01) == ()
     assert run(comparisons, 5, late_s=0.07, late_std_s=0.002, start_s=1) == ()
+
+
+def test_heights_that_disagree_fail_and_hold_again():
+    comparisons = Contradictions()
+
+    def fly(chi2, start_s, seconds):
+        for k in range(round(30 * seconds)):
+            comparisons.step(start_s + k / 30, NONE, math.nan, STILL, 0.0, 0.002, height_chi2=chi2)
+        return comparisons.failing
+
+    assert fly(2.0, 0.0, 3.0) == ()
+    assert fly(40.0, 3.0, 1.0) == (Status.HEIGHT_CONTRADICTS,)
+    assert fly(math.nan, 4.0, 0.5) == (Status.HEIGHT_CONTRADICTS,)
+    assert fly(0.5, 4.5, 8.0) == ()
+
+
+def test_a_single_echo_off_a_branch_is_no_contradiction():
+    comparisons = Contradictions()
+    for k in range(60):
+        comparisons.step(k / 30, NONE, math.nan, STILL, 0.0, 0.002, height_chi2=40.0 if k == 40 else 0.5)
+        assert comparisons.failing == ()

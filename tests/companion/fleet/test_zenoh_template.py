@@ -9,7 +9,7 @@ from ports import free_tcp_port
 from drivers.bus import Bus, Endpoints
 
 TEMPLATE = REPOSITORY / "systemd" / "zenoh.json5"
-PATIENCE_S = 60.0
+PATIENCE_S = 600.0
 
 
 def stranger(endpoint: str) -> zenoh.Session:

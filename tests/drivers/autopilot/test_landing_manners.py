@@ -205,3 +205,18 @@ def test_without_gps_the_autopilots_doubt_comes_over_the_link(flights: ExitStack
     flight.reports.clear()
     flight.wait(lambda: any(r.velocity_known is False for r in flight.reports), "doubt of the velocity")
     assert mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT in flight.autopilot.streams.rates_hz
+
+
+def test_before_its_origin_ardupilots_velocity_is_missing_and_no_rate_is_too_low(flights: ExitStack) -> None:
+    flight = fly(flights, Firmware(origin=False), "GUIDED")
+    faults: list[str] = []
+    flight.link._on_event = lambda event: faults.append(event.event)
+    flight.start(lambda: flight.codes)
+    asked = mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED
+    flight.wait(lambda: flight.autopilot.streams.rates_hz.get(asked, 0) > 20, "request for the velocity")
+    flight.later(5_000_000)
+    assert "rate_too_low" not in faults
+    assert not flight.link.slow
+    with flight.autopilot.lock:
+        flight.controller.firmware.origin = True
+    flight.wait(lambda: flight.link.rates.rates_hz.get("LOCAL_POSITION_NED", 0) > 20, "velocities")
