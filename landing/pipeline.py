@@ -22,7 +22,7 @@ from landing.motion.fixed_parts import FixedParts, Mask
 from landing.motion.views import Views
 from landing.observation import Observation
 from landing.options import EstimatorOptions, Options
-from landing.plane.height import Height, along_axis, height, of_sources
+from landing.plane.height import BetterHeight, Height, along_axis, height, of_sources
 from landing.plane.map_estimator import MapEstimator
 from landing.plane.plane import Plane
 from landing.plane.quadratic import QuadraticEstimator
@@ -78,6 +78,7 @@ class SurfacePipeline:
         self.drop_off = DropOff(options.estimator, camera)
         self.appearance = AppearanceChange(options.estimator, camera, measured_px)
         self.ground = Ground(options.ground, camera)
+        self.better_height = BetterHeight(options.ground.max_scale_std)
         self._given = camera.mask
         self.fixed: FixedParts | None = None
         e = options.estimator
@@ -120,6 +121,7 @@ class SurfacePipeline:
         self.time_offset.step(self.views, plane)
         if self.time_offset.moved:
             self.ground.forget()
+            self.better_height.forget()
             if not confirmed:
                 self.contradictions.began_elsewhere()
         self._compare(observation, plane)
@@ -341,5 +343,7 @@ class SurfacePipeline:
             return of_sources(unknown, by_range, 0.0)
         velocity = ned_from_camera.T @ o.velocity_ned
         limit = self.options.estimator.max_height_std
-        by_velocity = height(velocity, o.velocity_std, plane.omega, plane.omega_std, limit)
+        ratio = height(velocity, o.velocity_std, plane.omega, plane.omega_std, limit)
+        line, slant = self.ground.motion, float(np.linalg.norm(plane.normal))
+        by_velocity = self.better_height.step(ratio, (line.distance_m * slant, line.distance_std_m * slant))
         return of_sources(by_velocity, by_range, float(np.linalg.norm(velocity)))

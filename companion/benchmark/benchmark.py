@@ -4,6 +4,7 @@ Times are processor time of one core. Both sides take each frame in turn, so tha
 stages are timed in a run of their own, since a stopwatch at every stage slows the whole.
 """
 
+import copy
 import gc
 import itertools
 import os
@@ -28,8 +29,10 @@ from companion.core.sync import Synchroniser
 from companion.errors import LandslopeError
 from companion.replay.source import PlainCamera, open_source
 from landing.ground.border import Border
+from landing.ground.ground import Ground
 from landing.ground.relief_memory import ReliefMemory
 from landing.ground.roughness import ReliefMap
+from landing.motion.fixed_parts import FixedParts
 from landing.observation import Observation
 from landing.options import Options
 from landing.pipeline import SurfacePipeline
@@ -57,16 +60,21 @@ STAGES: dict[str, tuple[tuple[Any, str], ...]] = {
     "relief": ((ReliefMemory, "move"), (ReliefMap, "step")),
     "border": ((Border, "step"),),
     "decision": ((landing.pipeline, "against_flat"),),
+    "ground map": ((Ground, "step"),),
+    "still parts": ((FixedParts, "step"),),
 }
 """Stage -> where it is called: (class or module, name)."""
+NOT_EVEN = ("ground map", "still parts")
+"""Stages that do most of their work in a few of the frames: their means count."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """Median of one stage over the frames in which it ran, in ms, and their share of all frames."""
+    """Median of one stage over the frames in which it ran, in ms, their share of all frames, and the mean over all."""
 
     median_ms: float
     share: float
+    mean_ms: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +95,8 @@ class Figures:
     """Median of the whole pipeline over the median of OpenCV's part."""
     traced_growth_kb: float
     resident_growth_kb: float
+    ground_kb: float
+    """What the ground map and the search for still parts hold at the end of a run."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +155,7 @@ def measure(material: Material) -> Figures:
     try:
         detection, tracking, whole = _compared(material)
         watched, stages = _staged(material)
-        traced, resident = _growth(material)
+        traced, resident, ground_kb = _growth(material)
     finally:
         cv2.setNumThreads(threads)
     opencv_ms = statistics.median(d + t for d, t in zip(detection, tracking, strict=True))
@@ -165,6 +175,7 @@ def measure(material: Material) -> Figures:
         whole_ms / opencv_ms,
         traced,
         resident,
+        ground_kb,
     )
 
 
@@ -182,6 +193,8 @@ def table(figures: list[Figures]) -> str:
     ]
     for name in STAGES:
         lines.append(row(name, [_cell(f.stages[name]) for f in figures]))
+    for name in NOT_EVEN:
+        lines.append(row(f"{name}, mean", [f"{f.stages[name].mean_ms:.2f}" for f in figures]))
     lines += [
         row("rest", [f"{f.rest_ms:.2f}" for f in figures]),
         row("whole pipeline", [f"{f.whole_ms:.2f}" for f in figures]),
@@ -191,6 +204,7 @@ def table(figures: list[Figures]) -> str:
         row("frames/s of this core, pipeline", [f"{1e3 / f.whole_mean_ms:.0f}" for f in figures]),
         row("growth of memory, Python's, kB", [f"{f.traced_growth_kb:+.1f}" for f in figures]),
         row("growth of memory, resident, kB", [f"{f.resident_growth_kb:+.0f}" for f in figures]),
+        row("memory of both, kB", [f"{f.ground_kb:.0f}" for f in figures]),
         row("frames", [str(f.frames) for f in figures]),
     ]
     return "\n".join(lines)
@@ -205,7 +219,7 @@ def _cell(stage: Stage) -> str:
 
 def _stage(times: list[float]) -> Stage:
     ran = [t for t in times if t > 0]
-    return Stage(statistics.median(ran) if ran else 0.0, len(ran) / len(times))
+    return Stage(statistics.median(ran) if ran else 0.0, len(ran) / len(times), statistics.fmean(times))
 
 
 class _Stopwatch:
@@ -255,7 +269,7 @@ Times = list[float]
 
 def _compared(material: Material) -> tuple[Times, Times, Times]:
     """Detection, tracking and the whole pipeline, ms a frame, without the first frames."""
-    pipeline = SurfacePipeline(material.camera, material.options)
+    pipeline = _pipeline(material)
     detection, tracking, whole = [], [], []
     gc.collect()
     pipeline.step(material.observations[0])
@@ -271,7 +285,7 @@ def _compared(material: Material) -> tuple[Times, Times, Times]:
 
 def _staged(material: Material) -> tuple[Times, dict[str, Times]]:
     """The whole pipeline with a stopwatch at each stage, and each stage, ms a frame, without the first frames."""
-    pipeline = SurfacePipeline(material.camera, material.options)
+    pipeline = _pipeline(material)
     whole: Times = []
     stages: dict[str, Times] = {stage: [] for stage in STAGES}
     watch = _Stopwatch()
@@ -300,9 +314,17 @@ def _opencv(before: NDArray[np.uint8], now: NDArray[np.uint8]) -> tuple[float, f
     return (found - started) * 1e-6, (time.process_time_ns() - found) * 1e-6
 
 
-def _growth(material: Material) -> tuple[float, float]:
-    """kB by which Python's and the process's memory grow from the middle to the end of a run."""
-    pipeline = SurfacePipeline(material.camera, material.options)
+def _pipeline(material: Material) -> SurfacePipeline:
+    """As the core has it; masks that it finds go to a camera of its own."""
+    pipeline = SurfacePipeline(copy.copy(material.camera), material.options)
+    pipeline.find_fixed()
+    return pipeline
+
+
+def _growth(material: Material) -> tuple[float, float, float]:
+    """kB by which Python's and the process's memory grow from the middle to the end of a run, and what the ground map
+    and the search for still parts hold then."""
+    pipeline = _pipeline(material)
     half = len(material.observations) // 2
     tracemalloc.start(1)
     try:
@@ -312,9 +334,11 @@ def _growth(material: Material) -> tuple[float, float]:
         for observation in material.observations[half:]:
             pipeline.step(observation)
         end = _memory()
+        del pipeline.ground, pipeline.fixed
+        held = end[0] - _memory()[0]
     finally:
         tracemalloc.stop()
-    return (end[0] - middle[0]) / 1e3, (end[1] - middle[1]) / 1e3
+    return (end[0] - middle[0]) / 1e3, (end[1] - middle[1]) / 1e3, held / 1e3
 
 
 def _memory() -> tuple[int, int]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from companion.messages.ground import Ground
 from companion.messages.messages import Decision
 from companion.replay.overlay_ground import draw_disc, relief_colour
+from companion.replay.procedure_spans import steered
 from drivers.files.video_writer import VideoWriter, open_video
 from landing.estimate import SurfaceEstimate
 from landing.reasons import in_words
@@ -65,6 +66,7 @@ def draw(image: Image, estimate: SurfaceEstimate, camera: CameraModel, scene: Sc
             draw_disc(picture, estimate, camera, scale, up, scene.radius_m, scene.ground.below.verdict)
     _draw_banner(picture, verdict, scene, reasons(estimate, scene.decision))
     _draw_figures(picture, estimate, scene)
+    _draw_procedure(picture, scene.decision)
     return picture
 
 
@@ -267,6 +269,22 @@ def _draw_banner(picture: Image, verdict: str, scene: Scene, against: tuple[str,
         at = ((width - w) // 2, 2 * bar + h)
         cv2.rectangle(picture, (at[0] - 15, at[1] - h - 15), (at[0] + w + 15, at[1] + 18), COLOURS["fit"], -1)
         _text(picture, words, at, size, WHITE, 4)
+
+
+def _draw_procedure(picture: Image, decision: Decision | None) -> None:
+    """What the landing procedure does, below the verdict; nothing where there is none."""
+    doing = None if decision is None else steered(decision)
+    if doing is None:
+        return
+    height, width = picture.shape[:2]
+    bar, size = height // 16, 0.0009 * height
+    top = height // 11
+    cv2.rectangle(picture, (0, top), (width, top + bar), (120, 80, 40), -1)
+    words = f"{doing.state.replace('_', ' ')}: {doing.text}"
+    if doing.spot_north_m is not None and doing.spot_east_m is not None:
+        words += f" ({doing.spot_north_m:.1f} m north, {doing.spot_east_m:.1f} m east)"
+    words = _fitting(words, width - 2 * (bar // 3), size)
+    _text(picture, words, (bar // 3, top + int(0.7 * bar)), size, WHITE)
 
 
 def _draw_figures(picture: Image, estimate: SurfaceEstimate, scene: Scene) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 
 from companion.errors import LandslopeError
 from companion.replay.history import History
+from companion.replay.procedure_spans import IDLE, ProcedureSpan, procedure_spans
 from landing.options import DecisionOptions
 
 if TYPE_CHECKING:
@@ -36,10 +37,14 @@ def plot(name: str, history: History, limits: DecisionOptions, path: Path) -> No
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11, 9.5), dpi=110, layout="constrained")
+    steps = procedure_spans(history)
+    heights = [0.35, *([0.35] if steps else []), 2.4, 1.4, 1.1, 1.1, 1.1]
     axes: list[Any] = list(
-        figure.subplots(6, 1, sharex=True, gridspec_kw={"height_ratios": [0.35, 2.4, 1.4, 1.1, 1.1, 1.1]})
+        figure.subplots(len(heights), 1, sharex=True, gridspec_kw={"height_ratios": heights})
     )
     times = np.array(history.times)
+    if steps:
+        _draw_procedure(axes.pop(1), history, steps)
     verdict, inclination, slope, contact, flow, roughness = axes
     _draw_verdict(verdict, history, times)
     _draw_inclination(inclination, history, times, limits)
@@ -77,6 +82,22 @@ def _draw_verdict(axis: "Axes", history: History, times: np.ndarray) -> None:
     axis.set_yticks([])
     axis.set_ylim(0, 1)
     axis.set_ylabel("verdict", rotation=0, ha="right", va="center")
+
+
+def _draw_procedure(axis: "Axes", history: History, steps: list[ProcedureSpan]) -> None:
+    """Its states along the time; a place that was chosen is a darker strip."""
+    for number, step in enumerate(steps):
+        shade = "#d9d9d9" if step.state == IDLE else "#7d9cc0" if number % 2 else "#a9bfd8"
+        axis.axvspan(step.start_s, step.end_s, color=shade, lw=0)
+        if step.spot_m is not None:
+            axis.axvspan(step.start_s, step.end_s, 0.0, 0.18, color="#27476e", lw=0)
+        words = step.state.replace("_", " ")
+        if step.end_s - step.start_s > len(words) * LETTER_SHARE * history.duration_s:
+            middle = (step.start_s + step.end_s) / 2
+            axis.text(middle, 0.55, words, ha="center", va="center", fontsize=8)
+    axis.set_yticks([])
+    axis.set_ylim(0, 1)
+    axis.set_ylabel("procedure", rotation=0, ha="right", va="center")
 
 
 def _draw_inclination(axis: "Axes", history: History, times: np.ndarray, limits: DecisionOptions) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from companion.messages.events import LANDING_EVENTS
 from companion.replay.history import History
+from companion.replay.procedure_spans import procedure_lines
 from landing.options import DecisionOptions
 
 LEVEL_DEG = 3.0
@@ -125,6 +126,7 @@ def _body(history: History, limits: DecisionOptions, cautions: Sequence[str]) ->
     yield from _labelled("below", [str(stretch) for stretch in stretches(history, limits)])
     yield from _labelled("fit", [fit_line(history)])
     yield from _labelled("landing", list(landing_lines(history)))
+    yield from _labelled("procedure", procedure_lines(history))
     yield from _labelled("trouble", list(_trouble(history)))
     yield from _refusals(history)
 

@@ -16,6 +16,7 @@ from companion.core.approach import Ordered
 from companion.core.core import Output, Processed
 from companion.core.decision_logic import LandRequest
 from companion.core.landing_watch import LandingWatch
+from companion.live.kept_mask import KeptMask
 from companion.live.live_pipeline import LivePipeline
 from companion.messages.messages import Message
 from companion.settings.settings import Settings
@@ -56,6 +57,8 @@ class LockstepOptions:
     """Every so many frames the truth is computed, to know how long fit ground was in view; 0: never."""
     stop_at_request: bool = False
     """The first request ends the flight, but for the landing itself, which nobody watches; so does giving back."""
+    kept_mask: KeptMask | None = None
+    """What an earlier flight found to stand still in the picture, and where this one leaves it."""
     record: Path | None = None
     """Leave a flight folder with the truth of every frame here (which costs as much as a frame)."""
 
@@ -118,7 +121,7 @@ class _Flight:
         if airborne:
             self._controller.start_airborne(scenario.start.mode)
         self._pilot = Pilot(scenario, LocalControls(self._controller), airborne)
-        self._pipeline = LivePipeline(settings, self._take)
+        self._pipeline = LivePipeline(settings, self._take, kept_mask=options.kept_mask)
         self._watch = LandingWatch(settings.landing, settings.decision.dwell_s, self._pipeline)
         record, rate_hz = options.record, scenario.camera.rate_hz
         self._record = None if record is None else FlightRecord(record, settings, rate_hz)

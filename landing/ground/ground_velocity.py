@@ -141,6 +141,11 @@ class GroundVelocity:
         return distance if std <= _KNOWN * distance else math.nan
 
     @property
+    def distance_std_m(self) -> float:
+        """Standard deviation of the distance, m; NaN where it is not known."""
+        return math.sqrt(self._covariance[0, 0]) if math.isfinite(self.distance_m) else math.nan
+
+    @property
     def velocity(self) -> Array:
         """The ground's velocity (2,) north and east, m/s."""
         return self._state[1:3].copy()

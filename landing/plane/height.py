@@ -1,6 +1,8 @@
 """Height from the autopilot's velocity and the ventral flow that the camera sees, h = V / omega, or a rangefinder.
 
-Each has its error; they are fused, and compared where both are known.
+Each has its error; they are fused, and compared where both are known. At one moment the velocity's slow error is all
+in the ratio: of a vehicle that creeps, it is one of two errors. As the slope of velocity against flow over time
+(``landing/ground/ground_velocity.py``) that error drops out.
 """
 
 import math
@@ -93,3 +95,33 @@ def height(
     if not 0 < relative <= max_relative_std:
         return math.nan, math.nan
     return 1.0 / inverse, relative / inverse
+
+
+class BetterHeight:
+    """The ratio while the velocity is large beside its error, then the slope where it is surer.
+
+    A velocity that is a share of the true one makes a straight line as well, of a distance that is too small. So the
+    slope counts once the velocity has been large, and until the slope is lost.
+    """
+
+    def __init__(self, vouched_std: float) -> None:
+        """``vouched_std``: relative standard deviation of the ratio by which the velocity vouches for itself."""
+        self._vouched_std = vouched_std
+        self._vouched = False
+
+    def forget(self) -> None:
+        """The slope is another from now on."""
+        self._vouched = False
+
+    def step(self, ratio: tuple[float, float], slope: tuple[float, float]) -> tuple[float, float]:
+        """Height and standard deviation, m, from those of the ratio and of the slope; NaN where one is unknown."""
+        (height_m, std_m), (line_m, line_std_m) = ratio, slope
+        if not line_m > 0:
+            self._vouched = False
+            return ratio
+        if height_m > 0 and std_m <= self._vouched_std * height_m:
+            self._vouched = True
+            return ratio
+        if not self._vouched:
+            return ratio
+        return ratio if height_m > 0 and std_m * line_m <= line_std_m * height_m else slope

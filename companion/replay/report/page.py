@@ -12,6 +12,7 @@ from typing import Any
 from companion.errors import LandslopeError
 from companion.messages.messages import Health
 from companion.replay.history import History
+from companion.replay.procedure_spans import procedure_spans
 from companion.replay.report.data import PLOTS, report_data, verdict_spans
 from companion.replay.report.recorder import ReportRecorder
 from companion.replay.summary import fit_line, landing_lines, share_line, stretches
@@ -91,6 +92,11 @@ def _below(history: History, settings: Settings) -> str:
         )
         for span in verdict_spans(history)
     ]
+    steps = [
+        (f"{s.start_s:.1f} to {s.end_s:.1f} s", s.state.replace("_", " "), s.text, _place(s.spot_m))
+        for s in procedure_spans(history)
+    ]
+    head = ("time", "state", "why", "place, from the vehicle")
     return (
         '<section class="card"><h2>What was below</h2>'
         + _table("Surface along the way", ("time", "surface", "inclination"), rows)
@@ -99,8 +105,13 @@ def _below(history: History, settings: Settings) -> str:
             ("time", "verdict", "what stood against a landing, and how long of it"),
             verdicts,
         )
+        + (_table("What the landing procedure would have done", head, steps) if steps else "")
         + "</section>"
     )
+
+
+def _place(spot_m: tuple[float, float] | None) -> str:
+    return "" if spot_m is None else f"{spot_m[0]:.1f} m north, {spot_m[1]:.1f} m east"
 
 
 def _shares(span: dict[str, Any]) -> list[str]:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from landing.plane.height import height
+from landing.plane.height import BetterHeight, height
 
 component = st.floats(-3, 3)
 
@@ -54,3 +54,29 @@ def test_the_uncertainty_is_that_of_the_errors():
 def test_what_does_not_tell_the_height_gives_none(velocity: tuple, omega: tuple):
     found = height(np.array(velocity), 0.2, np.array(omega), np.full(3, 0.01), 0.6)
     assert all(math.isnan(f) for f in found)
+
+
+UNKNOWN = (math.nan, math.nan)
+
+
+def test_a_vehicle_that_creeps_keeps_the_height_that_its_braking_told():
+    better = BetterHeight(0.45)
+    assert better.step((3.1, 0.9), UNKNOWN) == (3.1, 0.9)
+    assert better.step((3.1, 0.9), (2.9, 0.4)) == (3.1, 0.9)
+    assert better.step((8.9, 4.1), (2.9, 0.4)) == (2.9, 0.4)
+    assert better.step((8.9, 4.1), (2.9, 1.5)) == (8.9, 4.1)
+    assert better.step(UNKNOWN, (2.9, 0.4)) == (2.9, 0.4)
+
+
+def test_a_line_counts_only_with_a_velocity_that_was_once_large_beside_its_error():
+    better = BetterHeight(0.45)
+    for ratio in (UNKNOWN, (1.0, 0.5)):
+        assert better.step(ratio, (0.9, 0.05)) == pytest.approx(ratio, nan_ok=True)
+    assert better.step((9.0, 3.0), (8.8, 1.0)) == (9.0, 3.0)
+    assert better.step(UNKNOWN, (8.8, 1.0)) == (8.8, 1.0)
+    # another ground: the line has to be found anew
+    assert better.step(UNKNOWN, UNKNOWN) == pytest.approx(UNKNOWN, nan_ok=True)
+    assert better.step(UNKNOWN, (0.9, 0.05)) == pytest.approx(UNKNOWN, nan_ok=True)
+    better.step((9.0, 3.0), (8.8, 1.0))
+    better.forget()
+    assert better.step(UNKNOWN, (8.8, 1.0)) == pytest.approx(UNKNOWN, nan_ok=True)
