@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Literal
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from companion.calibration.board import DICTIONARIES, Board, BoardFinder
 from companion.calibration.calibration import Calibration, CalibrationOptions, calibrate, collect_views
+from companion.calibration.coverage_page import CoveragePage, address_of
 from companion.calibration.live import LiveCalibration, run_live
 from companion.calibration.paper import PAPERS, on_paper, save_board
 from companion.calibration.picture import picture_of
@@ -57,6 +59,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--picture", type=Path, help="the picture of errors and coverage (default: beside --out)"
+    )
+    parser.add_argument(
+        "--page",
+        metavar="[HOST:]PORT",
+        help="with a camera: show the coverage on a web page too, on this machine alone or at HOST (0.0.0.0:8080)",
     )
     parser.add_argument("--fisheye", action="store_true", help="a wide lens: equidistant, by cv2.fisheye")
     parser.add_argument("--chessboard", action="store_true", help="a plain chessboard instead of ChArUco")
@@ -149,8 +156,19 @@ def _from_camera(args: argparse.Namespace, live: LiveCalibration) -> Calibration
         camera = open_camera(source, wanted, limits)
     except DriverError as error:
         raise LandslopeError(f"{error}; --set camera.source=SOURCE names it") from None
-    with camera:
-        return run_live(camera, live, lambda text: print(f"{text}\n", flush=True))
+    with ExitStack() as stack:
+        stack.enter_context(camera)
+        page = None
+        if args.page is not None:
+            page = stack.enter_context(CoveragePage(*address_of(args.page)))
+            print(f"the coverage is shown at port {page.port} too", flush=True)
+
+        def show(text: str) -> None:
+            print(f"{text}\n", flush=True)
+            if page is not None:
+                page.show(text)
+
+        return run_live(camera, live, show)
 
 
 def _say_left_out(left_out: list[tuple[str, str]]) -> None:
