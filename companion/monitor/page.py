@@ -276,8 +276,9 @@ class Page:
         for name, figure in self._figures.items():
             figure.set_text(words.clipped(figures[name]))
         if estimate is not None:
+            status = words.clipped(estimate.status).replace("_", " ")
             self._frame.set_text(
-                f"frame {estimate.frame}: {words.clipped(estimate.status)}, {estimate.features} tracks,"
+                f"frame {estimate.frame}: {status}, {estimate.features} tracks,"
                 f" {vehicle.rate_hz:.1f} estimates/s"
             )
         self._scene.set_content(scene_svg(estimate, look))

@@ -181,8 +181,9 @@ def against(decision: Decision | None, estimate: Estimate | None, health: Health
         forbidden.append(UNCALIBRATED)
     found = [*forbidden, *(reason for reason in decision.reasons if reason not in forbidden)]
     if estimate is not None and estimate.status != "ok":
-        line = f"no estimate: {estimate.status}"
-        if line not in found and estimate.status not in " ".join(found):
+        status = estimate.status.replace("_", " ")
+        line = f"no estimate: {status}"
+        if line not in found and status not in " ".join(found):
             found.append(line)
     return found
 

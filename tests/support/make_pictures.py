@@ -15,7 +15,7 @@ from typing import Any
 import cv2
 import msgspec
 import numpy as np
-from monitor_support import Browser, Monitor, Vehicle, decision, health
+from monitor_support import Browser, Monitor, Vehicle, decision, eventually, health
 from places import DOCS, SITL_LOGS
 from ports import free_endpoint
 
@@ -24,7 +24,9 @@ from drivers.bus import Endpoints, open_session
 
 PICTURES = DOCS / "pictures"
 FLIGHT = SITL_LOGS / "stairs_a"
-ON_THE_STAIRS_S = 13.0
+ON_THE_STAIRS = 390
+"""Frame at which the page is taken: by the flight's own time, a busy machine shows it late."""
+MOST_S = 120.0
 FLEET = (
     ("unfit", "too steep: 24.0 degrees, limit 10.0", 24.0),
     ("fit", "", 1.5),
@@ -60,6 +62,19 @@ def replaying(endpoint: str) -> "subprocess.Popen[bytes]":
     )
 
 
+def frame_of(browser: Browser) -> int:
+    """The frame that the page shows; 0 before there is one."""
+    words = browser.texts().get("frame", "").split()
+    return int(words[1].rstrip(":")) if len(words) > 1 else 0
+
+
+def connected(browser: Browser) -> bool:
+    """Whether the page has its connection: NiceGUI covers it otherwise."""
+    return bool(
+        browser.script("return document.getElementById('popup').getAttribute('aria-hidden') === 'true'")
+    )
+
+
 def theme(browser: Browser, name: str) -> None:
     """Press the button until the theme is there."""
     while browser.script("return document.documentElement.dataset.theme") != name:
@@ -82,9 +97,10 @@ def pages(browser: Browser, monitor: Monitor, endpoint: str) -> None:
     replay = replaying(endpoint)
     try:
         browser.open(f"{monitor.url}/?vehicle=drone-07")
-        time.sleep(ON_THE_STAIRS_S)
+        assert eventually(lambda: frame_of(browser) >= ON_THE_STAIRS and connected(browser), MOST_S)
         shot(browser, "monitor.png", 0.6)
         theme(browser, "sunlight")
+        assert eventually(lambda: connected(browser), MOST_S)
         shot(browser, "monitor_sunlight.png", 0.5, 1000)
         theme(browser, "dark")
         browser.narrow(390)
