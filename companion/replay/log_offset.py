@@ -50,7 +50,6 @@ class LogOffset:
 
     offset_us: int
     std_s: float
-    correlation: float
     pairs: int
 
 
@@ -89,11 +88,8 @@ def align_log(
             f"the autopilot's log could be aligned by rotation to {std_s * 1e3:.1f} ms only, {MAX_STD_S * 1e3:g} are "
             f"needed: {HELP}"
         )
-    predicted = log.turned(turns.old + lag_s, turns.new + lag_s)
-    share = float((turns.turn * predicted).sum())
-    size = math.sqrt(float((turns.turn**2).sum() * (predicted**2).sum()))
     offset_us = turns.zero_us - log.zero_us - round(lag_s * 1e6)
-    return LogOffset(offset_us, std_s, share / (size + 1e-12), len(turns.old))
+    return LogOffset(offset_us, std_s, len(turns.old))
 
 
 def _turns(frames: Iterable[Frame], camera: CameraModel, tracking: TrackingOptions) -> _Turns:

@@ -20,7 +20,7 @@ ATTITUDES_A_GAP = 2
 """Attitudes that must come within sync.attitude_max_gap_s, so that the loss of one is bridged."""
 FLIGHT_FILES = ("frames.csv", "vehicle.tlog", "vehicle.ulg", "vehicle.bin", SETTINGS_FILE)
 TLOG_RATE = "a telemetry radio carries no more, record on the companion (record.directory)"
-LOG_RATE = "log it faster (ArduPilot: bit 0 of LOG_BITMASK; PX4: SDLOG_PROFILE)"
+LOG_RATE = "log it faster (ArduPilot: LOG_BITMASK; PX4: SDLOG_PROFILE)"
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +111,7 @@ def _with_log(log: AutopilotLog, path: Path, settings: Settings) -> tuple[Flight
     offset_us = found.offset_us - round(settings.camera.time_offset_s * 1e6)
     said = (
         f"{log.name} has no TIMESYNC round trips with the clock of the frames: aligned by the rotation in "
-        f"{found.pairs} pairs of frames to {found.std_s * 1e3:.1f} ms (one sigma, correlation {found.correlation:.2f})"
+        f"{found.pairs} pairs of frames to {found.std_s * 1e3:.1f} ms (one sigma)"
     )
     return FlightFolder(path, telemetry=log.by_offset(offset_us, found.std_s)), (said,)
 
