@@ -262,7 +262,7 @@ class GroundOptions:
     ] = 0.06
     look_step: Annotated[
         float, Limits(0.05, 2, "", "motion from look to look, over that of a look's baseline")
-    ] = 0.5
+    ] = 0.35
     max_std: Annotated[
         float, Limits(0.001, 0.2, "", "uncertainty of a block's distance, over it, above which it is unknown")
     ] = 0.03

@@ -11,9 +11,9 @@ from drivers.simulated.vehicle.quaternion import to_euler, to_matrix
 from drivers.simulated.world.truth import FrameTruth
 from drivers.simulated.world.world import World
 from landing.estimate import SurfaceEstimate
+from landing.ground.block_match import SUPPORT
 from landing.ground.ground import stopping_distance
 from landing.ground.landing_area import LandingArea
-from landing.ground.relief import SUPPORT
 from landing.vision.camera import CameraModel
 
 Array = NDArray[np.float64]

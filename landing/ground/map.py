@@ -11,7 +11,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from landing.ground.relief import BLOCK, ViewRelief
+from landing.ground.block_match import PART
+from landing.ground.relief import ViewRelief
 from landing.options import GroundOptions
 
 Array = NDArray[np.float64]
@@ -19,14 +20,16 @@ Array = NDArray[np.float64]
 CELLS = 128
 """Cells a side."""
 CELL_M = 0.1
-_COARSEST = 6
-"""Cells across a block beyond which it has no information about a landing place."""
+_COARSEST = 3
+"""Cells across a part of a block beyond which it has no information about a landing place."""
 _CHANGE_STD_M = 0.01
 """Change of a height that is not seen in the square root of a second."""
 _SHARED = 0.25
 """Share of a look's variance that no further look takes away: their errors are alike."""
 _DISAGREE = 3.0
 """Standard deviations by which a look must differ from what was known for the cell to begin anew."""
+_SEEN = 0.2
+"""Looks, in baselines, from which a cell has a height at all."""
 _LEVEL_CELLS = 12
 """Cells seen again from which a look is levelled with the map."""
 
@@ -60,6 +63,11 @@ class GroundMap:
         sure = self.variance <= (o.max_step_m / 2) ** 2
         return np.asarray(sure & (self.looks >= o.min_looks))
 
+    @property
+    def seen(self) -> NDArray[np.bool_]:
+        """Cells (rows, columns) that have a height, if only from a single look: not enough to stand on it."""
+        return np.asarray((self.variance <= self.options.max_step_m**2) & (self.looks >= _SEEN))
+
     def cell_of(self, north_m: float, east_m: float) -> tuple[int, int]:
         """Row and column of a place in the map's axes; may lie outside."""
         return (
@@ -88,7 +96,7 @@ class GroundMap:
 
     def look(self, relief: ViewRelief, ned_from_camera: Array, distance_m: float) -> None:
         """Take one look. ``distance_m`` is the plane's along the axis."""
-        footprint_m = BLOCK * distance_m / self._focal_px
+        footprint_m = PART * distance_m / self._focal_px
         parts = max(1, math.ceil(footprint_m / CELL_M))
         if parts > _COARSEST:
             return
@@ -134,7 +142,7 @@ class GroundMap:
     def _cells(
         self, north: Array, east: Array, parts: int, footprint_m: float
     ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Flat indices (k,) of the cells under blocks of that footprint, and the block of each."""
+        """Flat indices (k,) of the cells under parts of that footprint, and the part of each."""
         steps = (np.arange(parts) - (parts - 1) / 2) * (footprint_m / parts)
         down, across = (part.ravel() for part in np.meshgrid(steps, steps, indexing="ij"))
         row = np.floor((north[:, None] + down) / CELL_M).astype(np.int64) - self._corner[0]
@@ -154,10 +162,15 @@ class GroundMap:
             height = height + lift
         innovation = height - old_height
         both = old_variance + variance
-        agrees = again & (innovation * innovation <= _DISAGREE**2 * both)
+        square = innovation * innovation
+        alike = square <= _DISAGREE**2 * both
+        # a difference that the vehicle can stand on is an error larger than it was said to be, and no other ground
+        agrees = again & (alike | (square <= self.options.max_step_m**2))
         gain = np.ones(len(seen))
         gain[agrees] = old_variance[agrees] / both[agrees]
         fused = np.maximum(gain * variance, _SHARED * variance)
+        larger = agrees & ~alike
+        gain[larger], fused[larger] = 0.5, 0.25 * square[larger]
         self.height.ravel()[seen] = np.where(agrees, old_height + gain * innovation, height)
         self.variance.ravel()[seen] = fused
         self.looks.ravel()[seen] = np.where(agrees, looks + weight, weight)

@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from landing.ground.block_match import BLOCK, PART, STEP_PX, SUPPORT, in_parts, match, means_of_blocks
 from landing.motion.motion import OverPlane
 from landing.motion.views import Views
 from landing.options import GroundOptions
@@ -27,25 +28,11 @@ from landing.vision.homography import RowMoves, Warp, apply, moved, towards
 Array = NDArray[np.float64]
 Image = NDArray[Any]
 
-BLOCK = 8
-"""Side of a block, px."""
-SUPPORT = 2 * BLOCK
-"""Side of the window that a block's match is taken over, px."""
 KEPT = 40
 """Pictures kept; the gap looked back over is at most one less."""
-_FRAMES_APART = 3
+_FRAMES_APART = 2
 """Frames from look to look at least: what a look costs is spread over them."""
 _SAMPLE = 40
-_INDEPENDENT = 0.25
-"""Share of a window's pixels whose noise counts as independent: interpolation and compression spread it."""
-_SOBEL_NOISE = 12 / 64
-"""Variance of a Sobel derivative (weights over eight) of noise of variance one."""
-_SIGNIFICANT = 3.0
-"""Standard errors by which the common gradient energy of two pictures must exceed that of noise alone."""
-_LOCKING_PX = 0.04
-"""Error of a match that no texture helps against."""
-_STEP_PX = 1.0
-"""Longest last step of a match, and largest disagreement of its two ways; beyond it the match is refused."""
 _MOVING = 4.0
 """Residual across the parallax, in its own standard deviations, from which a block moves by itself."""
 _MOVING_PX = 0.5
@@ -54,9 +41,9 @@ _NO_SECOND_MAP = np.empty((0, 0), np.float32)
 
 @dataclass(frozen=True, slots=True)
 class ViewRelief:
-    """One look at the ground, a row a block of the picture (n blocks, row by row).
+    """One look at the ground, a row a part of a block of the picture (n parts, row by row).
 
-    ``points`` (n, 2) are the blocks' middles, normalised, in the newest frame at its middle row's time; ``depth`` (n,)
+    ``points`` (n, 2) are the parts' middles, normalised, in the newest frame at its middle row's time; ``depth`` (n,)
     the distance along the axis over that of the plane at the axis, NaN where it is not known; ``std`` (n,) one sigma of
     it. ``moving`` (n,) marks what moves against the ground. ``fresh`` is the motion since the last look over that of
     the baseline, at most one: looks over the same baseline share their errors.
@@ -70,7 +57,7 @@ class ViewRelief:
 
     @property
     def known(self) -> NDArray[np.bool_]:
-        """Which blocks (n,) have a height."""
+        """Which parts (n,) have a height."""
         return np.isfinite(self.depth)
 
 
@@ -87,7 +74,14 @@ class DenseRelief:
         y = np.arange(self._rows) * BLOCK + (BLOCK - 1) / 2
         self._centres = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
         self.points = camera.undistort(self._centres)
-        self._shares = self._centres[:, 1] / (camera.height - 1) - 0.5
+        """Middles of the blocks (n, 2), normalised."""
+        x = np.arange(2 * self._columns) * PART + (PART - 1) / 2
+        y = np.arange(2 * self._rows) * PART + (PART - 1) / 2
+        parts = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        self._parts = camera.undistort(parts)
+        self._shares, self._part_shares = (
+            middles[:, 1] / (camera.height - 1) - 0.5 for middles in (self._centres, parts)
+        )
         height, width = self._rows * BLOCK, self._columns * BLOCK
         self._size = (height, width)
         self._grid = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
@@ -106,9 +100,13 @@ class DenseRelief:
         """Flow that is looked back over."""
         return self.options.baseline * self.camera.width
 
-    def step(self, views: Views, plane: Plane) -> ViewRelief | None:
-        """The relief at the newest frame; None between looks, and where the motion shows none."""
-        self._images.appendleft(views.tracker.images[0])
+    def step(self, views: Views, plane: Plane, image: Image) -> ViewRelief | None:
+        """The relief at the newest frame, of this ``image``; None between looks, and where the motion shows none.
+
+        The picture is taken as the camera gave it: with a local mean taken out, as it is for the tracks, what lies
+        within that mean's reach of an edge or of texture shows some of it, and seems to be seen.
+        """
+        self._images.appendleft(image)
         self._frames += 1
         if plane.status != "ok" or not np.isfinite(plane.omega).all():
             self._moved = math.inf
@@ -183,27 +181,37 @@ class DenseRelief:
         # OpenCV 5.0.0 interpolates linearly at wrong places where both coordinates come in one map
         x, y = (cv2.add(part, forth[..., k]) for k, part in enumerate(self._grid))
         aligned = cv2.remap(warped, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        flow = _blocks(forth)
+        flow = means_of_blocks(forth)
         usable = self._both_ways(flow, back) & self._inside(places, flow, old.shape) & ~self.mask
         along, per_normalised = self._parallax(t)
-        match = _match(new, aligned, flow, along)
-        usable &= match.converged
-        std_px = match.std_px
+        matched = match(new, aligned, flow, along)
+        usable &= matched.converged
+        std_px = matched.std_px
         points = self.points if row_moves is None else moved(self.points, self._shares, row_moves[0])
-        found = points + (match.along_px / per_normalised)[:, None] * self._direction(t)
+        found = points + (matched.along_px / per_normalised)[:, None] * self._direction(t)
         depth, per_step = _depth(points, found, t, normal)
         std = per_step * std_px / self.camera.focal_px
-        across = np.abs(match.across_px)
-        moving = usable & (across > _MOVING_PX) & (across > _MOVING * match.across_std_px)
+        across = np.abs(matched.across_px)
+        moving = usable & (across > _MOVING_PX) & (across > _MOVING * matched.across_std_px)
         relative = std / np.abs(depth)
         usable &= ~moving & (depth > 0) & (relative <= self.options.max_std)
+        parts = self._parts
+        if row_moves is not None:
+            parts = moved(parts, self._part_shares, row_moves[0])
+        known = self._in_parts(usable) & matched.seen.ravel()
+        # a part lies on the same slope as the plane, at its block's height over it
+        aside = self._in_parts(points @ normal[:2] + normal[2]) / (parts @ normal[:2] + normal[2])
         return ViewRelief(
-            points,
-            np.where(usable, depth, math.nan),
-            np.where(usable, std, math.nan),
-            moving,
+            parts,
+            np.where(known, self._in_parts(depth) * aside, math.nan),
+            np.where(known, self._in_parts(std) * aside, math.nan),
+            self._in_parts(moving),
             fresh,
         )
+
+    def _in_parts(self, of_blocks: NDArray[Any]) -> NDArray[Any]:
+        """What is known of blocks (n,), for their parts (4 n,)."""
+        return in_parts(of_blocks, self._rows, self._columns).ravel()
 
     def _both_ways(self, flow: Array, back: Image) -> NDArray[np.bool_]:
         """Blocks (n,) whose flow (n, 2) leads back to where it began."""
@@ -212,7 +220,7 @@ class DenseRelief:
         x = np.clip(np.rint(to[:, 0]), 0, width - 1).astype(np.intp)
         y = np.clip(np.rint(to[:, 1]), 0, height - 1).astype(np.intp)
         left = flow + back[y, x]
-        return np.asarray(np.hypot(left[:, 0], left[:, 1]) <= _STEP_PX)
+        return np.asarray(np.hypot(left[:, 0], left[:, 1]) <= STEP_PX)
 
     def _inside(self, places: NDArray[np.float32], flow: Array, shape: tuple[int, ...]) -> NDArray[np.bool_]:
         """Blocks (n,) whose window lies in the older picture, and not on its mask."""
@@ -220,7 +228,7 @@ class DenseRelief:
         height, width = self._size
         inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
         there = places[y.clip(0, height - 1), x.clip(0, width - 1)]
-        margin = SUPPORT / 2
+        margin = BLOCK / 2
         inside &= (there >= margin).all(axis=1)
         inside &= (there[:, 0] <= shape[1] - 1 - margin) & (there[:, 1] <= shape[0] - 1 - margin)
         if self._barred is not None:
@@ -241,55 +249,6 @@ class DenseRelief:
         return moved / length[:, None], length / step
 
 
-@dataclass(frozen=True, slots=True)
-class _Match:
-    """Motion along and across the parallax (n,) px with its standard deviations; whether the search has ended."""
-
-    along_px: Array
-    std_px: Array
-    across_px: Array
-    across_std_px: Array
-    converged: NDArray[np.bool_]
-
-
-def _match(new: Image, aligned: Image, flow: Array, along: Array) -> _Match:
-    """One step of least squares from the flow (n, 2) px on, bound to the parallax ``along`` (n, 2)."""
-    first, second = (cv2.spatialGradient(image) for image in (new, aligned))
-    residual = cv2.subtract(aligned, new, dtype=cv2.CV_32F)
-    mean_x, mean_y = (
-        cv2.addWeighted(a, 1 / 16, b, 1 / 16, 0.0, dtype=cv2.CV_32F)
-        for a, b in zip(first, second, strict=True)
-    )
-
-    def common(a: int, b: int) -> Array:
-        # of both pictures: what is noise in one is not in the other
-        return _windows(cv2.multiply(first[a], second[b], scale=1 / 64, dtype=cv2.CV_32F))
-
-    xx, yy, xy = common(0, 0), common(1, 1), 0.5 * (common(0, 1) + common(1, 0))
-    right_x, right_y = (_windows(cv2.multiply(g, residual)) for g in (mean_x, mean_y))
-    square = _windows(cv2.multiply(residual, residual))
-    ux, uy = along.T
-    texture = ux * ux * xx + 2 * ux * uy * xy + uy * uy * yy
-    cross = (uy * uy - ux * ux) * xy + ux * uy * (xx - yy)
-    other = uy * uy * xx - 2 * ux * uy * xy + ux * ux * yy
-    # across is (uy, -ux)
-    right, right_other = ux * right_x + uy * right_y, uy * right_x - ux * right_y
-    flow_along, flow_across = (flow * along).sum(axis=1), uy * flow[:, 0] - ux * flow[:, 1]
-    count = _INDEPENDENT * SUPPORT**2
-    with np.errstate(divide="ignore", invalid="ignore"):
-        step = (cross * flow_across - right) / texture
-        explained = np.clip(right * right / texture, 0.0, 0.5 * square)
-        noise = np.maximum(square - explained, 0.1) / 2
-        doubt = _SIGNIFICANT * _SOBEL_NOISE * noise / math.sqrt(count)
-        std = np.sqrt(2 * noise / (count * np.maximum(texture - doubt, 1e-9)) + _LOCKING_PX**2)
-        # what of a motion across the parallax the texture shows apart from one along it
-        free = np.maximum(other - cross * cross / np.maximum(texture, 1e-9), 1e-9)
-        across = flow_across - (right_other - cross * right / texture) / free
-        across_std = np.sqrt(2 * noise / (count * np.maximum(free - doubt, 1e-9)) + _LOCKING_PX**2)
-    converged = (texture > doubt) & (np.abs(step) <= _STEP_PX) & np.isfinite(step)
-    return _Match(flow_along + step, std, np.where(np.isfinite(across), across, 0.0), across_std, converged)
-
-
 def _depth(points: Array, found: Array, t: Array, normal: Array) -> tuple[Array, Array]:
     """Distance (n,) along the axis over the plane's, and its change (n,) with a normalised step of ``found`` (n, 2).
 
@@ -303,24 +262,6 @@ def _depth(points: Array, found: Array, t: Array, normal: Array) -> tuple[Array,
     with np.errstate(divide="ignore"):
         depth = 1.0 / inverse
     return depth, depth * depth / np.sqrt(length2)
-
-
-def _blocks(picture: Image) -> Array:
-    """Means (n, ...) over blocks."""
-    rows, columns = picture.shape[0] // BLOCK, picture.shape[1] // BLOCK
-    small = cv2.resize(picture, (columns, rows), interpolation=cv2.INTER_AREA)
-    return small.reshape(rows * columns, *small.shape[2:]).astype(np.float64)
-
-
-def _windows(picture: Image) -> Array:
-    """Means (n,) over windows of twice a block's side about the blocks."""
-    rows, columns = picture.shape[0] // BLOCK, picture.shape[1] // BLOCK
-    small = cv2.resize(picture, (columns, rows), interpolation=cv2.INTER_AREA)
-    wide = cv2.sepFilter2D(small, -1, _TAPER, _TAPER, borderType=cv2.BORDER_REPLICATE)
-    return np.asarray(wide.ravel(), np.float64)
-
-
-_TAPER = np.array((0.25, 0.5, 0.25), np.float32)
 
 
 def _dis(width: int) -> Any:

@@ -82,7 +82,7 @@ class Discs:
     """The discs of a map at one moment: ``known``, ``inclination_deg``, ``step_m``, ... (rows, columns), NaN where
     unknown.
 
-    ``hidden``: an area of two cells a side without heights lies in the disc, which could hide a step.
+    ``hidden``: an area of two cells a side that no look has shown lies in the disc, which could hide a step.
     ``least_step_m``: the step minus its uncertainty.
     """
 
@@ -108,8 +108,8 @@ class Discs:
         self._down, self._across = down[inside], across[inside]
         known = ground.known
         shape = known.shape
-        # what is not seen over two cells a side could hide a step
-        gaps = cv2.morphologyEx((~known).astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
+        # what was never seen over two cells a side could hide a step
+        gaps = gaps_of(ground.seen)
         self.known, self.hidden = np.zeros(shape), np.ones(shape, bool)
         self.inclination_deg, self.step_m, self.least_step_m, self.std_m = (
             np.full(shape, NAN) for _ in range(4)
@@ -128,38 +128,41 @@ class Discs:
         r, c = row + self._down, column + self._across
         within = (r >= 0) & (r < CELLS) & (c >= 0) & (c < CELLS)
         at = np.where(within, r * CELLS + c, 0)
-        there = within & known.ravel()[at]
+        there, looked = within & known.ravel()[at], within & ground.seen.ravel()[at]
         share = there.mean(axis=1)
         self.known.ravel()[cells] = share
         self.hidden.ravel()[cells] = (within & (gaps.ravel()[at] > 0)).any(axis=1)
         some = share >= _LOOKED_AT
         if not some.any():
             return
-        cells, there, at = cells[some], there[some], at[some]
+        cells, there, looked, at = cells[some], there[some], looked[some], at[some]
         weight = there.astype(np.float64)
         count = weight.sum(axis=1)
-        height = np.where(there, ground.height.ravel()[at], 0.0)
-        height -= (height.sum(axis=1) / count)[:, None]
-        height *= weight
-        variance = np.where(there, ground.variance.ravel()[at], 0.0)
+        height = np.where(looked, ground.height.ravel()[at], 0.0)
+        height -= ((height * weight).sum(axis=1) / count)[:, None]
+        variance = np.where(looked, ground.variance.ravel()[at], 0.0)
         x, y = self._down * CELL_M, self._across * CELL_M
         mx, my = weight @ x / count, weight @ y / count
         cxx = weight @ (x * x) - count * mx * mx
         cxy = weight @ (x * y) - count * mx * my
         cyy = weight @ (y * y) - count * my * my
-        # the mean of the heights was subtracted
-        bx, by = height @ x, height @ y
+        # the mean of the known heights was subtracted
+        weighted = height * weight
+        bx, by = weighted @ x, weighted @ y
         determinant = np.maximum(cxx * cyy - cxy * cxy, 1e-12)
         north = (cyy * bx - cxy * by) / determinant
         east = (cxx * by - cxy * bx) / determinant
         off = height - (north[:, None] * (x - mx[:, None]) + east[:, None] * (y - my[:, None]))
         np.abs(off, out=off)
-        off *= weight
+        off *= looked
         sure = off - self.options.sigmas * np.sqrt(variance)
+        # a single look shows a step where it is significant, and proves none
+        off = np.where(there, off, sure)
+        sure *= weight
         self.inclination_deg.ravel()[cells] = np.degrees(np.arctan(np.hypot(north, east)))
         self.step_m.ravel()[cells] = off.max(axis=1)
         self.least_step_m.ravel()[cells] = sure.max(axis=1)
-        self.std_m.ravel()[cells] = np.sqrt(variance.sum(axis=1) / count)
+        self.std_m.ravel()[cells] = np.sqrt((variance * weight).sum(axis=1) / count)
 
     @property
     def inclination_std_deg(self) -> Array:
@@ -222,7 +225,7 @@ class Discs:
         if not landable.any():
             return ()
         clearance = cv2.distanceTransform(landable.astype(np.uint8), cv2.DIST_L2, 5) * CELL_M
-        row, column = (clearance > CELL_M + self.options.sigmas * place_std_m).nonzero()
+        row, column = (clearance > 2 * CELL_M + self.options.sigmas * place_std_m).nonzero()
         if not len(row):
             return ()
         corner_north, corner_east = ground.corner_m
@@ -251,6 +254,14 @@ class Discs:
                 if len(found) == _MOST_SPOTS:
                     break
         return tuple(found)
+
+
+def gaps_of(known: Mask) -> NDArray[np.uint8]:
+    """Cells (rows, columns), 1, of unknown areas that hold a square of two cells a side."""
+    square = np.ones((2, 2), np.uint8)
+    # the square of an even side has no middle: erosion takes its last cell, and dilation must go back from there
+    corner = cv2.erode((~known).astype(np.uint8), square, anchor=(1, 1))
+    return np.asarray(cv2.dilate(corner, square, anchor=(0, 0)), np.uint8)
 
 
 def worst(discs: list[Disc]) -> Disc:

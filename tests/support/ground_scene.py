@@ -26,6 +26,8 @@ class Patch:
     width: float
     top: float
     smooth: bool = False
+    grey: float = 120.0
+    """Of a smooth one."""
 
     def holds(self, north: Array, east: Array) -> NDArray[np.bool_]:
         """Whether places lie on it."""
@@ -62,7 +64,9 @@ class Scene:
             there = (position[2] - patch.top) / rays[:, 2]
             top_north, top_east = position[0] + there * rays[:, 0], position[1] + there * rays[:, 1]
             on_ground, on_top = patch.holds(north, east), patch.holds(top_north, top_east)
-            shown = self._grey(top_north - patch.north + 1.7, top_east - patch.east + 0.9, patch.smooth)
+            shown = self._grey(
+                top_north - patch.north + 1.7, top_east - patch.east + 0.9, patch.smooth, patch.grey
+            )
             # a pit's bottom shows within its rim only
             seen = on_top if patch.top > 0 else on_top & on_ground
             grey = np.where(seen, shown, np.where(on_ground, WALL, grey))
@@ -70,9 +74,9 @@ class Scene:
         noisy = grey + rng.normal(0, self.noise, grey.shape)
         return np.clip(np.rint(noisy), 0, 255).astype(np.uint8).reshape(camera.height, camera.width)
 
-    def _grey(self, north: Array, east: Array, smooth: bool) -> Array:
+    def _grey(self, north: Array, east: Array, smooth: bool, grey: float = 120.0) -> Array:
         if smooth:
-            return np.full(north.shape, 120.0)
+            return np.full(north.shape, grey)
         # by hand: OpenCV's own interpolation rounds its places
         size = len(self.texture)
         row, column = (north + 4) * TEXELS_A_METRE, (east + 4) * TEXELS_A_METRE

@@ -101,6 +101,33 @@ def test_a_look_that_differs_begins_the_cell_anew() -> None:
     assert ground.height[middle] == pytest.approx(0.4 - HEIGHT, abs=0.01)
 
 
+def test_looks_that_differ_by_what_the_vehicle_can_stand_on_agree_with_a_doubt() -> None:
+    ground = GroundMap(GroundOptions(), FOCAL_PX)
+    for k in range(4):
+        looked(ground, look_at(std_m=0.003), 0.1 * k, (0.0, 0.0, 0.0))
+    other = look_at(std_m=0.003)
+    near = np.abs(other.points).max(axis=1) * HEIGHT < 0.2
+    other.depth[near] = 1 - 0.04 / HEIGHT
+    looked(ground, other, 0.5, (0.0, 0.0, 0.0))
+    middle = ground.cell_of(0.01, 0.01)
+    assert ground.known[middle]
+    assert ground.disputed[middle] == 0
+    # both heights lie within a standard deviation
+    assert ground.height[middle] == pytest.approx(0.02 - HEIGHT, abs=0.002)
+    assert math.sqrt(ground.variance[middle]) == pytest.approx(0.02, abs=0.002)
+
+
+def test_a_single_look_is_seen_and_not_known() -> None:
+    ground = GroundMap(GroundOptions(), FOCAL_PX)
+    half = look_at()
+    looked(ground, ViewRelief(half.points, half.depth, half.std, half.moving, 0.4), 0.0, (0.0, 0.0, 0.0))
+    middle = ground.cell_of(0.01, 0.01)
+    assert ground.seen[middle]
+    assert not ground.known[middle]
+    ground.forget()
+    assert not ground.seen.any()
+
+
 def test_what_moves_makes_the_ground_under_it_unknown() -> None:
     ground = GroundMap(GroundOptions(), FOCAL_PX)
     for k in range(4):

@@ -4,10 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from ground_scene import CAMERA, Patch, Scene
+from ground_scene import CAMERA, Patch, Scene, flown
 
+from landing.ground.block_match import PART
 from landing.ground.relief import DenseRelief, ViewRelief
-from landing.options import GroundOptions
+from landing.options import GroundOptions, Options
+from landing.pipeline import SurfacePipeline
 
 HEIGHT = 2.0
 WAY = 0.15
@@ -24,7 +26,7 @@ def looked(scene: Scene, old_scene: Scene | None = None, way: float = WAY) -> Vi
 
 
 def places(relief: ViewRelief) -> tuple[np.ndarray, np.ndarray]:
-    """North and east (n,) where the blocks lie on level ground."""
+    """North and east (n,) where the parts lie on level ground."""
     return -relief.points[:, 1] * HEIGHT, relief.points[:, 0] * HEIGHT
 
 
@@ -53,7 +55,7 @@ def test_a_box_and_a_pit_are_found_with_their_height(top: float) -> None:
     middle = (np.abs(north * shrink - 0.1) < 0.12) & (np.abs(east * shrink) < 0.12)
     found = heights(relief)[middle & relief.known]
     assert len(found) >= 4
-    assert np.median(found) == pytest.approx(top, abs=0.02 + 0.08 * abs(top))
+    assert np.median(found) == pytest.approx(top, abs=0.02 + 0.14 * abs(top))
 
 
 def test_ground_without_texture_is_unknown_though_its_surroundings_are_even() -> None:
@@ -63,6 +65,45 @@ def test_ground_without_texture_is_unknown_though_its_surroundings_are_even() ->
     assert inside.sum() >= 9
     assert not relief.known[inside].any()
     assert relief.known.mean() > 0.4
+
+
+@pytest.mark.parametrize("grey", [30.0, 120.0, 220.0])
+def test_beside_the_edge_of_smooth_ground_only_the_edge_is_seen(grey: float) -> None:
+    """The window of a match holds texture from beyond the edge; a part of a block shows none of its own."""
+    relief = looked(Scene((Patch(0.1, 0.0, 0.7, 0.7, 0.0, smooth=True, grey=grey),)))
+    north, east = places(relief)
+    edge_m = 1.25 * PART / CAMERA.focal_px * HEIGHT
+    inside = (np.abs(north - 0.1) < 0.35 - edge_m) & (np.abs(east) < 0.35 - edge_m)
+    assert inside.sum() >= 50
+    assert relief.known[inside].mean() < 0.02
+
+
+@pytest.mark.parametrize("grey", [30.0, 200.0])
+def test_a_smooth_pit_is_not_known_from_what_surrounds_it(grey: float) -> None:
+    """In flight: neither windows nor what prepares the pictures for the tracks carry texture into it."""
+    pit = Patch(1.0, 0.0, 1.2, 1.2, -0.4, smooth=True, grey=grey)
+    pipeline = SurfacePipeline(CAMERA, Options())
+    for observation in flown(Scene((pit,)), 2.0):
+        pipeline.step(observation)
+    ground = pipeline.ground.map
+    inside, beside = (
+        [ground.cell_of(1.0 + 0.1 * n, 0.1 * e + aside) for n in range(-3, 4) for e in range(-3, 4)]
+        for aside in (0.0, -1.1)
+    )
+    assert not any(ground.known[cell] for cell in inside)
+    assert sum(ground.known[cell] for cell in beside) > 10
+
+
+def test_a_change_of_exposure_is_no_height() -> None:
+    new = Scene().picture(np.array((0.0, 0.0, HEIGHT)), frame=1)
+    old = Scene().picture(np.array((-WAY, 0.0, HEIGHT)), frame=2)
+    brighter = np.clip(old.astype(float) * 1.05 + 12, 0, 255).astype(np.uint8)
+    t = np.array((0.0, WAY / HEIGHT, 0.0))
+    one, other = (
+        DenseRelief(GroundOptions(), CAMERA).look(new, o, LEVEL, t, np.eye(3)) for o in (old, brighter)
+    )
+    assert other.known.mean() > 0.9 * one.known.mean()
+    assert np.nanstd(heights(other)) < 1.3 * np.nanstd(heights(one))
 
 
 def test_noise_alone_is_no_texture() -> None:
@@ -97,8 +138,8 @@ def test_a_mask_is_never_ground() -> None:
     scene = Scene()
     new, old = (scene.picture(np.array((n, 0.0, HEIGHT)), frame=k) for k, n in enumerate((0.0, -WAY)))
     relief = dense.look(new, old, LEVEL, np.array((0.0, WAY / HEIGHT, 0.0)), np.eye(3))
-    assert not relief.known[:40].any()
-    assert relief.known[40:].mean() > 0.5
+    assert not relief.known[: 4 * 40].any()
+    assert relief.known[4 * 40 :].mean() > 0.5
 
 
 def test_without_motion_there_is_no_height() -> None:

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from landing.ground.map import CELL_M, CELLS, GroundMap
-from landing.ground.spots import HAZARD, LANDABLE, UNKNOWN, Disc, Discs, GroundCode, worst
+from landing.ground.spots import HAZARD, LANDABLE, UNKNOWN, Disc, Discs, GroundCode, gaps_of, worst
 from landing.options import GroundOptions
 
 OPTIONS = GroundOptions()
@@ -112,6 +112,33 @@ def test_a_gap_in_what_is_known_counts_by_its_width(rows: int, verdict: str) -> 
     assert middle(ground).verdict == verdict
 
 
+@pytest.mark.parametrize(("row", "column"), [(4, 0), (-5, 0), (0, 4), (0, -5)])
+def test_a_gap_counts_on_every_side_where_it_is(row: int, column: int) -> None:
+    ground = measured()
+    ground.looks[MIDDLE + row : MIDDLE + row + 2, MIDDLE + column : MIDDLE + column + 2] = 0.0
+    assert middle(ground).reasons == (GroundCode.NOT_SEEN,)
+    gaps = gaps_of(ground.seen)
+    assert gaps[MIDDLE + row : MIDDLE + row + 2, MIDDLE + column : MIDDLE + column + 2].all()
+    assert gaps.sum() == 4
+
+
+@pytest.mark.parametrize(("top", "verdict"), [(0.0, LANDABLE), (0.055, LANDABLE), (0.3, UNKNOWN)])
+def test_a_single_look_at_a_part_shows_a_step_and_proves_none(top: float, verdict: str) -> None:
+    ground = measured()
+    part = slice(MIDDLE + 4, MIDDLE + 6), slice(MIDDLE, MIDDLE + 2)
+    ground.looks[part], ground.height[part], ground.variance[part] = 0.4, top, 0.01**2
+    disc = middle(ground)
+    assert disc.verdict == verdict
+    assert disc.reasons == (() if verdict == LANDABLE else (GroundCode.MAY_BE_STEP,))
+
+
+def test_a_single_look_that_says_little_hides_a_step() -> None:
+    ground = measured()
+    part = slice(MIDDLE + 3, MIDDLE + 5), slice(MIDDLE, MIDDLE + 2)
+    ground.looks[part], ground.variance[part] = 0.4, 0.06**2
+    assert middle(ground).reasons == (GroundCode.NOT_SEEN,)
+
+
 def test_many_small_gaps_are_too_many() -> None:
     ground = measured()
     ground.looks[MIDDLE - 5 : MIDDLE + 6 : 3, MIDDLE - 5 : MIDDLE + 6 : 3] = 0.0
@@ -189,7 +216,7 @@ def test_spots_keep_away_from_hazards_and_from_the_unknown() -> None:
     assert spots
     for spot in spots:
         assert 0.2 + spot.radius_m <= spot.east_m <= 4.0 - spot.radius_m + CELL_M
-        assert spot.clearance_m > 0
+        assert spot.clearance_m > 2 * CELL_M
     assert spots[0].east_m > 0.9
     apart = [math.dist((a.north_m, a.east_m), (b.north_m, b.east_m)) for a in spots for b in spots if a != b]
     assert min(apart) >= 2 * OPTIONS.landing_radius_m

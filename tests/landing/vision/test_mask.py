@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from landing.errors import LandingError
-from landing.ground.relief import BLOCK, DenseRelief
+from landing.ground.block_match import BLOCK, PART
+from landing.ground.relief import DenseRelief
 from landing.options import GroundOptions, TrackingOptions
 from landing.vision.camera import CameraModel
 from landing.vision.tracking import FeatureTracker
@@ -62,8 +63,8 @@ def test_blocks_are_unknown_under_the_mask_of_either_frame() -> None:
     # the ground moves to the left, the camera to the right: the older camera was further left
     t = np.array((-moved_px / FOCAL, 0.0, 0.0))
     look = relief.look(ground(moved_px), ground(0), np.array((0.0, 0.0, 1.0)), t, np.eye(3))
-    column = np.arange(WIDTH // BLOCK) * BLOCK + (BLOCK - 1) / 2
-    known = look.known.reshape(HEIGHT // BLOCK, WIDTH // BLOCK)
+    column = np.arange(WIDTH // PART) * PART + (PART - 1) / 2
+    known = look.known.reshape(HEIGHT // PART, WIDTH // PART)
     now = (column > 60 - BLOCK) & (column < 70 + BLOCK)
     then = (column + moved_px > 60 - BLOCK) & (column + moved_px < 70 + BLOCK)
     assert not known[:, now].any()
