@@ -1,13 +1,15 @@
 """What stands still in the picture survives a restart, for the same camera and picture size alone."""
 
 import logging
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from companion.live.kept_mask import KeptMask
-from companion.settings.settings import CameraSettings
+from companion.live.live_pipeline import LivePipeline
+from companion.settings.settings import CameraSettings, Settings
 
 MASK = np.zeros((48, 64), bool)
 MASK[:, :8] = True
@@ -71,3 +73,26 @@ def test_a_disk_that_refuses_does_not_end_the_flight(
     kept.save(MASK, 0)
     kept.save(~MASK, 20_000_000)
     assert caplog.text.count("cannot be written") == 1
+
+
+def test_the_pipeline_begins_with_it_and_leaves_what_it_found(tmp_path: Path) -> None:
+    camera = CameraSettings(source="/dev/video0", width=64, height=48)
+    settings = replace(Settings(), camera=camera)
+    first = LivePipeline(settings, lambda output: None, kept_mask=KeptMask(camera, tmp_path))
+    assert first._core.fixed is not None
+    assert not first._core.fixed.any()
+    first._core._pipeline.find_fixed(MASK)
+    first.finish()
+    second = LivePipeline(settings, lambda output: None, kept_mask=KeptMask(camera, tmp_path))
+    np.testing.assert_array_equal(second._core.fixed, MASK)
+    np.testing.assert_array_equal(second._camera.mask, MASK)
+
+
+def test_it_is_not_used_where_nothing_is_to_be_learnt(tmp_path: Path) -> None:
+    camera = CameraSettings(source="/dev/video0", width=64, height=48, learn_mask=False)
+    KeptMask(camera, tmp_path).save(MASK, 0)
+    settings = replace(Settings(), camera=camera)
+    flown = LivePipeline(settings, lambda output: None, kept_mask=KeptMask(camera, tmp_path))
+    assert flown._core.fixed is None
+    assert flown._camera.mask is None
+    flown.finish()

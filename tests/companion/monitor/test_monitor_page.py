@@ -181,7 +181,7 @@ def test_the_alarm_comes_when_a_vehicle_stops_and_goes_when_it_returns(
     assert eventually(lambda: silent in browser.alarm())
     assert eventually(lambda: float(browser.script(faded)) < 0.5)  # what it said last is not true any more
     assert browser.texts()["verdict"] == "SILENT"
-    assert "it may not be true any more" in browser.texts()["against"]
+    assert "they may be out of date" in browser.texts()["against"]
     vehicle.quiet.clear()
     assert eventually(lambda: silent not in browser.alarm())
     assert eventually(lambda: float(browser.script(faded)) == 1)

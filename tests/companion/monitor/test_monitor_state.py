@@ -112,6 +112,7 @@ EXTREMES = {
     int: st.integers(-(2**70), 2**70),
     float | None: st.none() | st.floats(allow_nan=False, allow_infinity=False),
     str: st.text(max_size=600),
+    str | None: st.none() | st.text(max_size=600),
     bool: st.booleans(),
     tuple[str, ...]: st.lists(st.text(max_size=600), max_size=30).map(tuple),
 }
@@ -248,7 +249,7 @@ def test_unknown_numbers_are_dashes_and_gaps() -> None:
     )
     shown = words.figures(nothing)
     assert shown["inclination_deg"] == shown["roughness"] == shown["ventral_flow"] == words.DASH
-    assert "no estimate: motion_too_small" in words.against(decision(), nothing)
+    assert "no estimate: motion too small" in words.against(decision(), nothing)
     watch = Watch(OPTIONS)
     watch.take(Delivery("one", "estimate", encode(nothing)), 1.0)
     for chart in CHARTS:
