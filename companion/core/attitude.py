@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.core.rate_delay import RateDelay
+from companion.clocks.rate_delay import RateDelay
 from companion.settings.settings import SyncSettings
 from drivers.samples import Attitude, Vector3
 from landing.rotations import exp_so3, log_so3, matrix_from_euler

@@ -159,7 +159,7 @@ def test_a_hazard_where_it_comes_down_is_evidence_through_the_dwell_though_the_v
     landing.ground.below, landing.ground.touchdown = ground.below, ground.touchdown
     (watched,) = landing.fly(3.0, "fit", None).said
     assert watched.hold
-    assert watched.event.details["reasons"] == ["the ground to come down on is a hazard: step"]
+    assert watched.event.details["reasons"] == ["hazard where the vehicle would land: step"]
     waited_s = watched.event.time_unix_us * 1e-6 - began_s
     assert DWELL_S <= waited_s <= DWELL_S + 2 * FRAME_S
 

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.core.rate_delay import FIRST_S, RateDelay
+from companion.clocks.rate_delay import FIRST_S, RateDelay
 
 NOISE_RAD = 2e-4
 vectors = st.lists(st.floats(-50, 50), min_size=3, max_size=3).map(np.array)
