@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 from typing import Any, Protocol
 
@@ -66,7 +67,8 @@ class SurfacePipeline:
     """Observations in, estimates out; deterministic, no clock, no I/O."""
 
     def __init__(self, camera: CameraModel, options: Options) -> None:
-        self.camera, self.options = camera, options
+        self.camera = camera = copy(camera)  # its own: parts that are found to stand still join the mask
+        self.options = options
         self.views = Views(camera, options.tracking)
         self.estimator = ESTIMATORS[options.estimator.method](
             options.estimator, camera.focal_px, options.tracking.max_features
@@ -334,13 +336,12 @@ class SurfacePipeline:
 
     def _height(self, observation: Observation, plane: Plane) -> Height:
         """The distance to the plane from whatever knows it."""
-        unknown = (math.nan, math.nan)
         o, ned_from_camera = observation, self.views.newest.ned_from_camera
         if plane.status != "ok":
             return Height()
         by_range = along_axis(o.range_m, o.range_std_m, self.camera.body_from_camera[2], plane.normal)
         if o.velocity_ned is None or ned_from_camera is None:
-            return of_sources(unknown, by_range, 0.0)
+            return of_sources((math.nan, math.nan), by_range, 0.0)
         velocity = ned_from_camera.T @ o.velocity_ned
         limit = self.options.estimator.max_height_std
         ratio = height(velocity, o.velocity_std, plane.omega, plane.omega_std, limit)

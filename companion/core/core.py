@@ -96,12 +96,12 @@ class Core:
         monotonic: bool = False,
         fixed: NDArray[np.bool_] | None = None,
     ) -> None:
-        self._camera = camera
         self._calibrated = calibrated
         self._method = settings.estimator.method
         self._pipeline = SurfacePipeline(
             camera, Options(settings.tracking, settings.estimator, settings.decision, settings.ground)
         )
+        camera = self._camera = self._pipeline.camera
         if settings.camera.learn_mask:
             self._pipeline.find_fixed(fixed)
         self._masked = MaskWatch(camera)

@@ -85,7 +85,7 @@ def test_the_pipeline_begins_with_it_and_leaves_what_it_found(tmp_path: Path) ->
     first.finish()
     second = LivePipeline(settings, lambda output: None, kept_mask=KeptMask(camera, tmp_path))
     np.testing.assert_array_equal(second._core.fixed, MASK)
-    np.testing.assert_array_equal(second._camera.mask, MASK)
+    np.testing.assert_array_equal(second._core._pipeline.camera.mask, MASK)
 
 
 def test_it_is_not_used_where_nothing_is_to_be_learnt(tmp_path: Path) -> None:
@@ -94,5 +94,5 @@ def test_it_is_not_used_where_nothing_is_to_be_learnt(tmp_path: Path) -> None:
     settings = replace(Settings(), camera=camera)
     flown = LivePipeline(settings, lambda output: None, kept_mask=KeptMask(camera, tmp_path))
     assert flown._core.fixed is None
-    assert flown._camera.mask is None
+    assert flown._core._pipeline.camera.mask is None
     flown.finish()

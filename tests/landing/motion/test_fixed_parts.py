@@ -5,6 +5,8 @@ import pytest
 
 from landing.motion.fixed_parts import FixedParts
 from landing.motion.views import View
+from landing.options import Options
+from landing.pipeline import SurfacePipeline
 from landing.vision.camera import CameraModel
 from landing.vision.rolling_shutter import Motion
 
@@ -101,3 +103,14 @@ def test_a_large_picture_is_compared_at_a_part_of_its_size() -> None:
     assert parts.mask.shape == (camera.height, camera.width)
     assert parts.mask[:, 32:64].mean() > 0.97
     assert not parts.mask[:, 120:].any()
+
+
+def test_what_one_pipeline_finds_is_not_another_ones():
+    camera = CameraModel.from_focal(320, 240, 256.0)
+    pipeline = SurfacePipeline(camera, Options())
+    known = np.zeros((240, 320), bool)
+    known[:40] = True
+    pipeline.find_fixed(known)
+    assert pipeline.camera.mask is not None
+    assert camera.mask is None
+    assert SurfacePipeline(camera, Options()).camera.mask is None
