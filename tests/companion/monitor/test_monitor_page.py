@@ -88,7 +88,7 @@ def test_a_live_replay_is_shown_as_it_was_published(net: Any, monitor: Monitor, 
     assert len(both) > MANY / 2
     for frame in both:
         texts, message = seen[frame][0], published[frame]
-        assert message["status"] in texts["frame"]
+        assert message["status"].replace("_", " ") in texts["frame"]
         assert texts["inclination_deg"] == spread(message, "inclination_deg", "inclination_std_deg", 1, "°")
         assert texts["roughness"] == spread(message, "roughness", "roughness_std", 4, "")
         flow = (message["ventral_flow_x"], message["ventral_flow_y"])

@@ -33,6 +33,10 @@ class NoPipeline:
         self.time_offset = TimeOffsetFilter(0.0, 0.0, 0.0)
         whole = SurfacePipeline(camera, options)
         self.ground, self.contradictions = whole.ground, whole.contradictions
+        self.camera, self.fixed = whole.camera, None
+
+    def find_fixed(self, known):
+        """Nothing is looked for in pictures here."""
 
     def step(self, observation):
         known = observation.ned_from_body is not None

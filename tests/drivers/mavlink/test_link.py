@@ -171,7 +171,9 @@ def test_px4_is_asked_for_its_own_gyro_message(bench) -> None:
 
 def test_a_rate_that_does_not_come_is_reported(bench) -> None:
     b = bench(rates_hz={"ATTITUDE": 50.0})
-    with TestVehicle(b.port):
+    with TestVehicle(b.port) as vehicle:
+        wait_for(lambda: vehicle.commands, "request")
+        vehicle.send(attitude(600_000))  # one that never comes is missing, not slow
         wait_for(lambda: "rate_too_low" in b.event_names(), "event")
 
 
