@@ -41,8 +41,10 @@ class RateDelay:
     def saw(self, boot_us: int, turned_more: Vector, change: Vector) -> None:
         """A span about a moment: the turn (3,) rad less the integral of the rates, and the rates' change (3,) rad/s.
 
-        Yaw is left out, since the compass corrects it. Spans that go back in time are left out.
+        Yaw is left out, since the compass corrects it. Spans that go back in time are left out, and what is no number.
         """
+        if not (np.isfinite(turned_more).all() and np.isfinite(change).all()):
+            return
         if self._last_us is not None:
             if boot_us <= self._last_us:
                 return

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 UNKNOWN_STD_S = 0.016
 """Doubt about a readout that is not set, about 0, one sigma: common sensors have 0 to 33 ms."""
 
-_TURN_STD = 0.01
+TURN_STD = 0.01
 """Error of the rate of turn in a frame, one sigma of an axis, rad/s: vibration, noise, the rest of a filter's delay."""
 
 _TURNS = np.stack([skew(axis) for axis in np.eye(3)])
@@ -129,7 +129,7 @@ class Rows:
         row_s = (self._tracker.pixel_history[place, :, 1].take(slots) / self._last_row - 0.5) * self.readout_s
         homogeneous = np.column_stack((p, np.ones(len(p))))
         depth = homogeneous @ motion.normal
-        turned = np.matmul(homogeneous, (_TURNS * _TURN_STD).transpose(0, 2, 1))
+        turned = np.matmul(homogeneous, (_TURNS * TURN_STD).transpose(0, 2, 1))
         over_plane = np.zeros_like(turned)
         for axis, std in enumerate(motion.std.tolist()):
             over_plane[axis, :, axis] = std * depth

@@ -1,10 +1,9 @@
-"""Makes the pictures of README and docs: ``python tests/support/make_pictures.py`` (needs Chromium and ffmpeg).
+"""Makes the pictures of README and docs (``PYTHONPATH=tests/support:tests/stand_ins``; needs Chromium and ffmpeg).
 
 A flight is replayed into the real page; look at the pictures before they are committed.
 """
 
 import base64
-import socket
 import subprocess
 import sys
 import tempfile
@@ -17,7 +16,7 @@ import msgspec
 import numpy as np
 from monitor_support import Browser, Monitor, Vehicle, decision, eventually, health
 from places import DOCS, SITL_LOGS
-from ports import free_endpoint
+from ports import free_endpoint, free_tcp_port
 
 from companion.messages.messages import Decision
 from drivers.bus import Endpoints, open_session
@@ -145,9 +144,7 @@ def report(browser: Browser, folder: Path) -> None:
 def main() -> None:
     """All of them."""
     endpoint = free_endpoint()
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = int(probe.getsockname()[1])
+    port = free_tcp_port()
     with tempfile.TemporaryDirectory() as name:
         router = open_session(Endpoints(mode="router", listen=(endpoint,)))
         monitor = Monitor(port, "--connect", endpoint)

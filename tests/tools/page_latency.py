@@ -1,4 +1,4 @@
-"""How late the page is, and whether it grows: ``python tests/tools/page_latency.py --seconds 120`` (needs Chromium).
+"""How late the page is, and whether it grows: run with ``PYTHONPATH=tests/support:tests/stand_ins``; needs Chromium.
 
 Ten vehicles publish ten estimates a second each. Latency is from the publishing of an estimate to the picture of the
 page that shows its frame number, by the clock of this machine; growth is that of Chromium's heap after a collection,
@@ -6,7 +6,6 @@ and the monitor's resident memory.
 """
 
 import argparse
-import socket
 import statistics
 import tempfile
 import time
@@ -16,7 +15,7 @@ from typing import Any
 import msgspec
 import numpy as np
 from monitor_support import Browser, Monitor, Vehicle, decision, health, show
-from ports import free_endpoint
+from ports import free_endpoint, free_tcp_port
 
 from companion.messages.messages import Decision, Estimate, Event, Health
 from drivers.bus import Endpoints, open_session
@@ -88,9 +87,7 @@ def main() -> None:
     parser.add_argument("--vehicles", type=int, default=VEHICLES)
     args = parser.parse_args()
     endpoint = free_endpoint()
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = int(probe.getsockname()[1])
+    port = free_tcp_port()
     with tempfile.TemporaryDirectory() as name:
         router = open_session(Endpoints(mode="router", listen=(endpoint,)))
         monitor = Monitor(port, "--connect", endpoint)

@@ -46,6 +46,15 @@ def test_a_moment_that_was_seen_counts_once():
     assert delay.s == once
 
 
+def test_what_is_no_number_is_left_out():
+    delay = RateDelay(NOISE_RAD)
+    delay.saw(1_000_000, np.full(3, 0.002), np.full(3, 0.1))
+    once = delay.s
+    delay.saw(2_000_000, np.array((math.nan, 0.0, 0.0)), np.full(3, 0.1))
+    delay.saw(3_000_000, np.zeros(3), np.array((0.0, math.inf, 0.0)))
+    assert delay.s == once
+
+
 @given(st.lists(st.tuples(vectors, vectors), max_size=20))
 def test_it_stays_a_delay_that_a_filter_in_flight_can_have(spans):
     delay = RateDelay(NOISE_RAD)

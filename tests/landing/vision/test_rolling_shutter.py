@@ -8,7 +8,7 @@ from landing.options import TrackingOptions
 from landing.rotations import exp_so3
 from landing.vision.camera import CameraModel
 from landing.vision.homography import Warp, apply, towards
-from landing.vision.rolling_shutter import _TURN_STD, Motion, Rows
+from landing.vision.rolling_shutter import TURN_STD, Motion, Rows
 from landing.vision.tracking import FeatureTracker
 
 FOCAL_PX = 256.0
@@ -83,7 +83,7 @@ def test_each_error_of_the_motion_moves_the_places_as_another_motion_does():
             rows.step(turn, Motion(omega, MOTION.normal, std))
             unit = (rows.places(0) - before) / sigma
             # first order in the readout: the places themselves are moved by it once more
-            per_sigma = error / (std[axis] if turn is TURN else _TURN_STD)
+            per_sigma = error / (std[axis] if turn is TURN else TURN_STD)
             assert np.abs(unit - per_sigma).max() < 0.03 * np.abs(per_sigma).max() + 1e-5
 
 
