@@ -6,7 +6,6 @@ k4 theta^8) focal lengths from the principal point.
 
 import math
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,7 +14,10 @@ Array = NDArray[np.float64]
 LARGEST_ANGLE = math.radians(85.0)
 """Rays further off the axis than this have no useful normalised coordinates: they are moved to this angle."""
 
-_CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 50, 1e-10)
+_NEWTON = 3
+"""Steps from a table's angle to the exact one."""
+_FLAT = 1e-3
+"""Least slope of theta_d that a step divides by."""
 _STEPS = 2000
 _SMALL = 1e-8
 
@@ -32,20 +34,24 @@ class Fisheye:
         self.largest_angle = float(theta[falls[0]]) if len(falls) else LARGEST_ANGLE
         """Up to this angle, in rad, the image moves outwards with the ray."""
         self._largest = float(self._distorted(np.array(self.largest_angle)))
+        self._angles = np.linspace(0, self.largest_angle, _STEPS)
+        self._radii = self._distorted(self._angles)
 
     def undistort(self, points_px: NDArray[np.floating]) -> Array:
         """Normalised coordinates (n, 2) of pixels (n, 2); those beyond ``largest_angle`` are moved there."""
         across = (np.asarray(points_px, np.float64) - self._centre) / self._focal
         radius = np.hypot(*across.T)
         beyond = radius > self._largest
-        across[beyond] *= (self._largest / radius[beyond])[:, None]
-        inside = (across * self._focal + self._centre).reshape(-1, 1, 2)
-        found = cv2.fisheye.undistortPoints(inside, self._matrix, self._distortion, criteria=_CRITERIA)
-        found = np.asarray(found, np.float64).reshape(-1, 2)
-        if beyond.any():
-            out = across[beyond] / self._largest
-            found[beyond] = out * math.tan(self.largest_angle)
-        return found
+        # cv2.fisheye.undistortPoints ends at theta_d = pi / 2, which wide lenses exceed
+        wanted = np.minimum(radius, self._largest)
+        theta: Array = np.asarray(np.interp(wanted, self._radii, self._angles), np.float64)
+        for _ in range(_NEWTON):
+            step = (self._distorted(theta) - wanted) / np.maximum(self._slope(theta), _FLAT)
+            theta = np.asarray(np.clip(theta - step, 0.0, self.largest_angle), np.float64)
+        theta[beyond] = self.largest_angle
+        scale = np.ones_like(radius)
+        np.divide(np.tan(theta), radius, out=scale, where=radius > _SMALL)
+        return np.asarray(across * scale[:, None], np.float64)
 
     def project(self, points: NDArray[np.floating]) -> Array:
         """Pixels (n, 2) of normalised coordinates (n, 2)."""
@@ -61,12 +67,19 @@ class Fisheye:
         away[:, 0] = 1.0
         np.divide(points, radius[:, None], out=away, where=radius[:, None] > _SMALL)
         theta = np.arctan(radius)
-        t2 = theta * theta
-        slope = 1 + t2 * (3 * self._k1 + t2 * (5 * self._k2 + t2 * (7 * self._k3 + t2 * 9 * self._k4)))
+        slope = self._slope(theta)
         across = np.ones_like(radius)
         np.divide(self._distorted(theta), radius, out=across, where=radius > _SMALL)
         focal = float(np.sqrt(self._focal.prod()))
         return away, focal * np.maximum(slope, 0.0) * np.cos(theta) ** 2, focal * across
+
+    def _slope(self, theta: Array) -> Array:
+        """Change of theta_d with theta."""
+        t2 = theta * theta
+        return np.asarray(
+            1 + t2 * (3 * self._k1 + t2 * (5 * self._k2 + t2 * (7 * self._k3 + t2 * 9 * self._k4))),
+            np.float64,
+        )
 
     def _distorted(self, theta: Array) -> Array:
         t2 = theta * theta
