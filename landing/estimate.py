@@ -64,6 +64,8 @@ class SurfaceEstimate:
     inlier_fraction: float = NAN
     fit_error_px: float = NAN
     coverage: float = NAN
+    blind: float = 0.0
+    """Share of the view in areas without any track, what is masked aside."""
     obstacle_points: int = 0
     unsettled: bool = False
     """What makes it rough has just come into view and was not there in the frame before."""

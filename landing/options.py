@@ -92,10 +92,6 @@ class EstimatorOptions:
         float, Limits(0, 0.1, "rad", "error of measured roll and pitch over a baseline")
     ] = 5e-4
     yaw_std_rad: Annotated[float, Limits(0, 0.1, "rad", "error of measured yaw over a baseline")] = 1.5e-3
-    relief_cells: Annotated[
-        int, Limits(4, 1000, "", "cells of the view that count alike in the roughness")
-    ] = 80
-    relief_scale: Annotated[float, Limits(0.0005, 0.1, "", "relief that matters, over the distance")] = 0.01
     standing_sigmas: Annotated[float, Limits(1, 20, "sigma", "height at which a point stands out")] = 5.0
     standing_height: Annotated[float, Limits(0.001, 1, "", "height over the distance that stands out")] = (
         0.025
@@ -104,10 +100,6 @@ class EstimatorOptions:
         float, Limits(0, 1, "", "share of its height in the frame before that a point must keep to stand out")
     ] = 0.85
     standing_frames: Annotated[int, Limits(1, 100, "frames", "how long a point must stand out to count")] = 2
-    margin_kept: Annotated[
-        float, Limits(0, 0.5, "", "border beyond the view, over its width, still remembered")
-    ] = 0.025
-    remembered: Annotated[int, Limits(0, 1000, "", "points that stood out and are remembered")] = 100
     border_flow_px: Annotated[
         float, Limits(0.5, 20, "px", "motion over which the border of the view is looked at")
     ] = 2.5
@@ -120,12 +112,6 @@ class EstimatorOptions:
     border_side_sigmas: Annotated[
         float, Limits(1, 20, "sigma", "the same of a whole side, from which nothing is called flat")
     ] = 5.0
-    border_noise: Annotated[
-        float, Limits(0.5, 10, "", "error of a block's height over what its pixels say")
-    ] = 0.9
-    border_locking_px: Annotated[
-        float, Limits(0, 1, "px", "error of a block's shift that no texture helps against")
-    ] = 0.1
     border_unlike: Annotated[
         float,
         Limits(
@@ -135,16 +121,6 @@ class EstimatorOptions:
     border_unlike_sigmas: Annotated[
         float, Limits(1, 20, "sigma", "the same over how much it usually changes there")
     ] = 2.5
-    brink_sigmas: Annotated[
-        float, Limits(1, 20, "sigma", "mean height of the tracks nearest to a side that stands out")
-    ] = 6.0
-    brink_floor: Annotated[
-        float, Limits(0, 0.1, "", "error of a young track's height, over the distance, beside its own")
-    ] = 0.005
-    brink_tracks: Annotated[int, Limits(2, 100, "", "fewest tracks such a mean is taken of")] = 4
-    brink_share: Annotated[
-        float, Limits(0.02, 0.5, "", "share of the view, from a side, that such a mean reaches into")
-    ] = 0.35
     max_roughness_std: Annotated[
         float, Limits(0.0005, 0.1, "", "uncertainty above which roughness is unknown")
     ] = 0.01

@@ -14,7 +14,6 @@ from landing.errors import LandingError
 from landing.estimate import SurfaceEstimate
 from landing.ground.appearance import AppearanceChange
 from landing.ground.border import Border
-from landing.ground.drop_off import DropOff
 from landing.ground.ground import Ground
 from landing.ground.ground_velocity import passage
 from landing.ground.roughness import Relief, ReliefMap
@@ -41,6 +40,8 @@ Array = NDArray[np.float64]
 
 _READOUT_STEP_S = 0.0005
 """Change of what is known of the rows' readout at which the tracks are moved."""
+_HIDDEN = 0.02
+"""Share of the picture that turns out not to show the ground from which slow estimates of the motion begin anew."""
 _SLOW = 0.2
 """Velocity, m/s, below which its ratio to the ventral flow is not used."""
 
@@ -77,7 +78,6 @@ class SurfacePipeline:
         self.relief = ReliefMap(options.estimator, camera, tracking.max_features, tracking.window_px / 2)
         measured_px = options.ground.baseline * camera.width
         self.border = Border(options.estimator, camera, measured_px)
-        self.drop_off = DropOff(options.estimator, camera)
         self.appearance = AppearanceChange(options.estimator, camera, measured_px)
         self.ground = Ground(options.ground, camera)
         self.better_height = BetterHeight(options.ground.max_scale_std)
@@ -146,9 +146,14 @@ class SurfacePipeline:
     def _take_mask(self, found: Mask) -> None:
         """No track, relief or doubt where the picture does not show the ground."""
         mask = found if self._given is None else self._given | found
-        self.camera.mask = mask if mask.any() else None
+        before, self.camera.mask = self.camera.mask, mask if mask.any() else None
+        # what did not move with the ground was taken for ground until now
+        if np.mean(mask if before is None else mask & ~before) > _HIDDEN:
+            self.ground.motion.forget()
+            self.better_height.forget()
         self.views.tracker.take_mask()
         self.ground.relief.take_mask()
+        self.relief.memory.take_mask()
         self.border.barred = self.camera.barred(1)
         self.appearance.take_mask(self.camera)
 
@@ -263,6 +268,7 @@ class SurfacePipeline:
             pitch_deg=math.degrees(pitch),
             features=int(np.count_nonzero(self.views.tracker.alive)),
             coverage=coverage,
+            blind=self.views.tracker.blind(),
             obstacle_points=relief_.obstacle_points if relief_ and status == "ok" else 0,
             unsettled=unsettled,
             suspicious=suspicious,
@@ -278,13 +284,11 @@ class SurfacePipeline:
     def _with_border(self, relief_: Relief, plane: Plane) -> Relief:
         """The relief with what stands at the border of the view, looked for only where the rest is even."""
         border_step = self.border.step(self.views, plane)
-        pixels = self.views.tracker.pixels.take(relief_.slots, 0)
-        more = self.drop_off.step(relief_, pixels, self.border.incoming)
-        if border_step is not None:
-            more = max(more, border_step.mean_square)
-            if border_step.lasting:
-                self.relief.memory.add(border_step.pixels, border_step.height)
-        return replace(relief_, roughness=math.sqrt(relief_.roughness**2 + more)) if more else relief_
+        if border_step is None:
+            return relief_
+        if border_step.lasting:
+            self.relief.memory.add(border_step.pixels, border_step.height)
+        return replace(relief_, roughness=math.sqrt(relief_.roughness**2 + border_step.mean_square))
 
     def _suspicious(self, relief_: Relief) -> bool:
         """Whether with what may stand at the border it would be too rough."""

@@ -37,6 +37,12 @@ _FIXED_TRACKING = (
     "forward_backward_max_px",
 )
 _FIXED_ESTIMATOR = (
+    "relief_cells",
+    "relief_scale",
+    "margin_kept",
+    "remembered",
+    "border_noise",
+    "border_locking_px",
     "min_roughness_tracks",
     "noise_floor",
     "noise_cap",
@@ -66,6 +72,12 @@ _FIXED_ESTIMATOR = (
 MOVED: dict[str, Moved] = {
     **{f"tracking.{name}": _FIXED for name in _FIXED_TRACKING},
     **{f"estimator.{name}": _FIXED for name in _FIXED_ESTIMATOR},
+    **{
+        f"estimator.brink_{name}": Moved(
+            why="step edges at a side are found by the border and the ground map"
+        )
+        for name in ("sigmas", "floor", "tracks", "share")
+    },
     "tracking.blur_px": Moved(why="pictures are not blurred before tracking"),
     "estimator.border_kept_px": Moved(
         why="a doubt at the border of the view lasts for ground.baseline of motion, until the ground is measured"

@@ -15,6 +15,9 @@ from landing.ground.spots import HAZARD, LANDABLE, Disc
 from landing.options import DecisionOptions
 from landing.reasons import Certainty, Code, Reason, Status
 
+_MOST_BLIND = 0.2
+"""Share of the view in areas without tracks from which nothing is known of the whole: a blind quarter is beyond it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
@@ -81,20 +84,27 @@ def _obstacles(estimate: SurfaceEstimate, o: DecisionOptions) -> Reason | None:
 
 
 def _coverage(estimate: SurfaceEstimate, o: DecisionOptions) -> Reason | None:
+    if not estimate.blind <= _MOST_BLIND:
+        return Reason(Code.COVERAGE_TOO_LOW, Certainty.CERTAIN, 1 - estimate.blind, limit=1 - _MOST_BLIND)
     if estimate.coverage >= o.min_coverage:
         return None
     return Reason(Code.COVERAGE_TOO_LOW, Certainty.CERTAIN, estimate.coverage, limit=o.min_coverage)
 
 
 def against_landing(
-    estimate: SurfaceEstimate, options: DecisionOptions, widen: float = 0.0, area: LandingArea | None = None
+    estimate: SurfaceEstimate,
+    options: DecisionOptions,
+    widen: float = 0.0,
+    area: LandingArea | None = None,
+    mapped: bool = False,
 ) -> tuple[Reason, ...]:
     """Reasons against landing here: those against flat, and when there are none, those that depend on the height.
 
     Relief over the distance decreases with height: from far up, a box that would tip the vehicle over looks even.
     Where the height is known, the relief is therefore limited in metres (``max_relief_m``), and so is the size on the
-    ground of the patches that tracks average over (``max_patch_m``). With ``area``, the landing area itself must have
-    been measured.
+    ground of the patches that tracks average over (``max_patch_m``). With ``area``, the landing area itself must be in
+    the tracks' sight, unless it is ``mapped``: the ground map knows what was measured there, also where a skid covers
+    it now.
     """
     o = options
     reasons = against_flat(estimate, o, widen)
@@ -113,7 +123,7 @@ def against_landing(
     if seen.patch_m > limit:
         return (Reason(Code.GROUND_UNRESOLVED, value=seen.patch_m, limit=limit, height_m=height_m),)
     least = o.min_area_measured * (1 - widen)
-    if not seen.measured >= least:
+    if not mapped and not seen.measured >= least:
         return (Reason(Code.GROUND_NOT_SEEN, value=seen.measured, limit=least),)
     return ()
 
@@ -193,7 +203,7 @@ class Decider:
         o, now = self.options, estimate.time_s
         fit = self._verdict.verdict == "fit"
         widen = o.hysteresis if fit else 0.0
-        reasons = against_landing(estimate, o, widen, self.area)
+        reasons = against_landing(estimate, o, widen, self.area, self.ground is not None)
         if not reasons and self.ground is not None:
             reasons = (o.at_rest_known and against_motion(estimate, o, widen)) or against_touchdown(
                 *self.ground.under_way(), o.touchdown_known

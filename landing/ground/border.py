@@ -39,6 +39,8 @@ SIDES = ((1, False), (1, True), (0, False), (0, True))
 _LEARNT = 0.05
 """Share of a strip in what is known of the scatter of blocks."""
 _MEDIAN_TO_STD = 1.4826
+_NOISE, _LOCKING_PX = 0.9, 0.1
+"""Error of a block's height over what its pixels say, and that of its shift that no texture helps against."""
 _NO_SECOND_MAP = np.empty((0, 0), np.float32)
 
 
@@ -244,7 +246,7 @@ class Border:
 
     def _strips(self, views: Views, places: list[_Place]) -> _Strips:
         """A side's outer strips over those further in; blocks that the older frame did not see have no information."""
-        o, side, depth = self.options, self._sides[places[0].side], _REFERENCE.stop
+        side, depth = self._sides[places[0].side], _REFERENCE.stop
         new = views.tracker.images[0]
         first, last = min(place.begin for place in places), max(place.begin for place in places)
         rows, columns = side.window(first, last - first + depth)
@@ -285,11 +287,11 @@ class Border:
         rest = product[..., 1, 1] - product[..., 1, 2] ** 2 / pixels - height * cross
         noise = np.maximum(rest, 0.0) / (pixels * square)
         moved2 = (shift[0, ..., 0] ** 2).sum(axis=(1, 2))
-        locking2 = o.border_locking_px**2 / np.maximum(moved2, 1e-6)
+        locking2 = _LOCKING_PX**2 / np.maximum(moved2, 1e-6)
         outer = across[:, :_DEPTH]
         seen = (outer.min(axis=(1, 3)) >= 0) & (outer.max(axis=(1, 3)) <= side.across_px - 1)
         seen &= shown[:, :_DEPTH].all(axis=(1, 3))
-        information = np.where(seen, 1 / (o.border_noise**2 * noise + locking2), 0.0)
+        information = np.where(seen, 1 / (_NOISE**2 * noise + locking2), 0.0)
         # of the inner strip as a whole
         by_height = (slopes[:, :, _REFERENCE] * shift[1]).sum(axis=1).reshape(len(places), -1)
         inner = shown[:, _REFERENCE].reshape(len(places), -1)

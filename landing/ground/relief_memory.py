@@ -5,12 +5,17 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from landing.options import EstimatorOptions
 from landing.vision.camera import CameraModel
 
 Array = NDArray[np.float64]
 Marks = NDArray[np.bool_]
 
+_WITH_VEHICLE = -0.95
+"""Height over the distance below which a point goes with the vehicle: ground would be 20 times as far as the plane."""
+_MARGIN = 0.025
+"""Border beyond the view, over its width, in which points are still remembered."""
+_MOST = 100
+"""Points that are remembered."""
 _AHEAD = 0.1
 """A point whose depth shrank below this share of its last one is beside or behind the camera."""
 
@@ -42,10 +47,8 @@ class ReliefMemory:
     ``border_px``: no track can lie nearer to the image's border; what is there is known from before alone.
     """
 
-    def __init__(
-        self, options: EstimatorOptions, camera: CameraModel, cells: Cells, border_px: float
-    ) -> None:
-        self.options, self.camera, self.cells = options, camera, cells
+    def __init__(self, camera: CameraModel, cells: Cells, border_px: float) -> None:
+        self.camera, self.cells = camera, cells
         self._near, self._far = border_px, np.array((camera.width, camera.height)) - border_px
         self._cell: NDArray[np.int64]
         self._in_border: Marks
@@ -55,6 +58,15 @@ class ReliefMemory:
         """Start anew."""
         self._rays, self._pixels, self.heights = np.empty((3, 0)), np.empty((0, 2)), np.empty(0)
         self._locate()
+
+    def take_mask(self) -> None:
+        """The camera's mask has changed: what stood out there is no ground, and no track will show that it is even."""
+        mask = self.camera.mask
+        if mask is None or not len(self.heights):
+            return
+        last = np.array((self.camera.width, self.camera.height)) - 1
+        column, row = np.rint(np.clip(self._pixels, 0, last)).astype(np.intp).T
+        self._keep(~mask[row, column])
 
     def move(self, on_plane: Array | None, far_away: Array | None = None) -> None:
         """Carry the points into the next frame; None: forget.
@@ -74,7 +86,7 @@ class ReliefMemory:
         q /= q[2]
         self._rays, self._pixels = q, self.camera.project(q[:2].T)
         self._locate()
-        margin = self.options.margin_kept * self.camera.width
+        margin = _MARGIN * self.camera.width
         beyond = np.array((self.camera.width, self.camera.height)) + margin
         self._keep(_all(np.logical_and(self._pixels >= -margin, self._pixels < beyond)))
 
@@ -91,8 +103,9 @@ class ReliefMemory:
             replaced = even.copy()
             replaced[cell] = True
             self._keep(np.logical_or(~replaced.take(self._cell), self._in_border))
-        if len(points):
-            self._append(points, pixels.astype(np.float64), heights)
+        ground = heights > _WITH_VEHICLE
+        if ground.any():
+            self._append(points[ground], pixels[ground].astype(np.float64), heights[ground])
 
     def add(self, pixels: Array, height: float) -> None:
         """Store places (n, 2) px whose height was measured without any track."""
@@ -106,7 +119,7 @@ class ReliefMemory:
         return self._cell.compress(gone), self.heights.compress(gone)
 
     def _append(self, points: Array, pixels: Array, heights: Array) -> None:
-        kept = slice(max(0, len(self.heights) + len(heights) - self.options.remembered), None)
+        kept = slice(max(0, len(self.heights) + len(heights) - _MOST), None)
         rays = np.concatenate((points.T, np.ones((1, len(points)))))
         self._rays = np.concatenate((self._rays, rays), axis=1)[:, kept]
         self._pixels = np.concatenate((self._pixels, pixels))[kept]

@@ -28,6 +28,10 @@ _SHARE = 3, 4
 """Share of the plane's baseline that heights are measured over: longer is less noise, shorter more tracks."""
 _LEAST_TRACKS = 20
 """Fewest tracks for a roughness."""
+_CELLS = 80
+"""Cells of the view that count alike."""
+_MATTERS = 0.01
+"""Relief that matters, over the distance."""
 _GROUPS, _GROUP_TRACKS = 3, 3
 """Baselines for tracks younger than the plane's, and the fewest tracks that get one of their own."""
 _GROSS_SIGMAS, _GROSS_SHARE = 4.0, 0.3
@@ -74,8 +78,8 @@ class ReliefMap:
         self, options: EstimatorOptions, camera: CameraModel, capacity: int, border_px: float
     ) -> None:
         self.options = options
-        self._cells = Cells(camera, options.relief_cells)
-        self.memory = ReliefMemory(options, camera, self._cells, border_px)
+        self._cells = Cells(camera, _CELLS)
+        self.memory = ReliefMemory(camera, self._cells, border_px)
         self._streak = np.zeros(capacity, np.int64)
         self._born = np.full(capacity, -1, np.int64)
         self._measured: list[_Measured | None] = [None] * FeatureTracker.HISTORY
@@ -97,7 +101,7 @@ class ReliefMap:
         variance = np.where(twice, s * s2, variance)
         pixels = tracker.pixels.take(slots, 0)
         cell = self._cells.of(pixels)
-        significant &= np.abs(h) > o.relief_scale
+        significant &= np.abs(h) > _MATTERS
         self._remember(views, slots, pixels, h, s, h2, s2, significant, cell)
         # where something is measured now, that counts
         lost, lost_height = self.memory.unseen(self._cells.marked(cell))
@@ -106,7 +110,7 @@ class ReliefMap:
             product = np.concatenate((product, lost_height**2))
             variance = np.concatenate((variance, np.full(len(lost), float(variance.min()))))
         # tracks that are accurate enough count alike, the others by their uncertainty
-        weight = 1.0 / (np.bincount(cell).take(cell) * (variance + o.relief_scale**2) ** 2)
+        weight = 1.0 / (np.bincount(cell).take(cell) * (variance + _MATTERS**2) ** 2)
         total = float(weight.sum())
         mean_square = max(float(weight @ product) / total, 0.0)
         variance += mean_square
@@ -231,7 +235,7 @@ class ReliefMap:
     ) -> None:
         """Add the points with two significant heights, forget those where the ground is now measured as even."""
         o, tracker = self.options, views.tracker
-        even = self._cells.marked(cell.compress((s < o.relief_scale) & ~significant))
+        even = self._cells.marked(cell.compress((s < _MATTERS) & ~significant))
         sure = significant.nonzero()[0]
         if len(sure):
             even &= ~self._cells.marked(cell.take(sure))

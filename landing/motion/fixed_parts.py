@@ -4,7 +4,8 @@ Two pictures between which the ground moved are compared cell by cell in two way
 warped by the plane's homography. Ground agrees in the second way, a part of the vehicle in the first (background
 subtraction with a compensated camera, turned round). A cell's sums of squared differences over many looks decide, with
 hysteresis, and go on in masked cells: what was masked wrongly is given back. Ground without texture agrees in both
-ways, and what moves by itself in neither.
+ways, and what moves by itself in neither. Ground beside a part is hidden by it in one of the two pictures, and looks
+then as if it did not go with the ground: both pictures are warped, each to the other, and ground must agree in one.
 """
 
 import math
@@ -27,8 +28,10 @@ Mask = NDArray[np.bool_]
 
 _COLUMNS = 160
 """Pictures are compared at about this width."""
-_CELL = 4
+_CELL = 2
 """Side of a cell at that width, px."""
+_TAPER = np.array((0.25, 0.5, 0.25), np.float32)
+"""Weights of a cell and its neighbours: two cells side by side show enough texture."""
 _MEAN = 15
 """Side of the area whose mean is taken out: exposure and shading change slowly over the picture, px."""
 _SHIFT = 0.035
@@ -37,9 +40,11 @@ _LEAST_SHIFT = 0.4
 """Share of it by which a cell must move to be compared."""
 _KEPT = 40
 _FRAMES_APART = 3
-_LOOKS = 8
+_REACH = _CELL // 2
+"""From a cell's middle to its sides, px."""
+_LOOKS = 6
 """Looks from which a cell may be masked."""
-_FEW = 3
+_FEW = 8
 """Cells whose change can wait."""
 _MEMORY = 24.0
 """Looks over which the sums fade."""
@@ -71,7 +76,8 @@ class FixedParts:
         self._shape = camera.height // self._side, camera.width // self._side
         self._pictures: deque[_Picture] = deque(maxlen=_KEPT)
         self._frames = self._since = 0
-        self._still, self._warped, self._looks = (np.zeros(self._shape) for _ in range(3))
+        both = 2, *self._shape
+        self._still, self._warped, self._looks = np.zeros(self._shape), np.zeros(both), np.zeros(both)
         self.cells: Mask = np.zeros(self._shape, bool)
         self.mask: Mask = np.zeros((camera.height, camera.width), bool)
         if known is not None:
@@ -122,32 +128,39 @@ class FixedParts:
         if f > 1:
             places = np.asarray((places - (f - 1) / 2) / f, np.float32)
         level, before = _level(new), _level(old)
-        # OpenCV 5.0.0 interpolates linearly at wrong places where both coordinates come in one map
-        x, y = np.ascontiguousarray(places[..., 0]), np.ascontiguousarray(places[..., 1])
-        warped = cv2.remap(before, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        still, moving = (_cells(cv2.absdiff(level, other)) for other in (before, warped))
+        grid = np.stack(np.meshgrid(*(np.arange(n, dtype=np.float32) for n in new.shape[::-1])), axis=-1)
+        still = _cells(cv2.absdiff(level, before))
         middle = places[_CELL // 2 :: _CELL, _CELL // 2 :: _CELL]
-        rows, columns = self._shape
-        y, x = np.mgrid[0:rows, 0:columns] * _CELL + _CELL // 2
-        shift = np.hypot(middle[..., 0] - x, middle[..., 1] - y)
-        seen = shift >= _LEAST_SHIFT * _SHIFT * self._camera.width / f
-        # all of the cell lies in the older picture
-        inside = np.array((new.shape[1], new.shape[0])) - _CELL // 2
-        seen &= ((middle >= _CELL // 2 - 0.5) & (middle <= inside + 0.5)).all(axis=2)
-        self._looks[seen] = np.minimum(self._looks[seen] + 1, _MEMORY)
-        gain = seen / np.maximum(self._looks, 1.0)
+        way = middle - grid[_CELL // 2 :: _CELL, _CELL // 2 :: _CELL]
+        moves = np.hypot(way[..., 0], way[..., 1]) >= _LEAST_SHIFT * _SHIFT * self._camera.width / f
+        inside = np.array((new.shape[1], new.shape[0])) - _REACH
+        seen = np.zeros(self._looks.shape, bool)
+        # over so short a way the ground comes from as far on one side as it goes to on the other
+        there_and_back = (places, level, before), (2 * grid - places, before, level)
+        for k, (at, here, there) in enumerate(there_and_back):
+            # OpenCV 5.0.0 interpolates linearly at wrong places where both coordinates come in one map
+            x, y = np.ascontiguousarray(at[..., 0]), np.ascontiguousarray(at[..., 1])
+            warped = cv2.remap(there, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+            # all of the cell lies in the other picture
+            centre = at[_CELL // 2 :: _CELL, _CELL // 2 :: _CELL]
+            seen[k] = moves & ((centre >= _REACH - 0.5) & (centre <= inside + 0.5)).all(axis=2)
+            self._looks[k][seen[k]] = np.minimum(self._looks[k][seen[k]] + 1, _MEMORY)
+            gain = seen[k] / np.maximum(self._looks[k], 1.0)
+            self._warped[k] += gain * (_cells(cv2.absdiff(here, warped)) - self._warped[k])
+        gain = seen.any(axis=0) / np.maximum(self._looks.max(axis=0), 1.0)
         self._still += gain * (still - self._still)
-        self._warped += gain * (moving - self._warped)
 
     def _decide(self) -> bool:
-        enough = self._looks >= _LOOKS
+        known = self._looks >= _LOOKS
+        enough = known.any(axis=0)
         if not enough.any():
             return False
+        warped = np.where(known, self._warped, math.inf).min(axis=0)
         usual = float(np.median(self._still[enough]))
         # the rest of the view must show that the ground moves: tiles may fall on themselves
-        moves = usual > _SHOWN * float(np.median(self._warped[enough]))
-        still = enough & (self._still < _STILL * self._warped) & (self._warped > _SEEN * usual) & moves
-        kept = self.cells & ~(enough & (self._still > _MOVES * self._warped))
+        moves = usual > _SHOWN * float(np.median(warped[enough]))
+        still = enough & (self._still < _STILL * warped) & (warped > _SEEN * usual) & moves
+        kept = self.cells & ~(enough & (self._still > _MOVES * warped))
         found = still | kept
         changed = int(np.count_nonzero(found != self.cells))
         self._since += 1
@@ -181,7 +194,8 @@ def _level(image: Image) -> NDArray[np.float32]:
 
 
 def _cells(difference: Image) -> Array:
-    """Mean squares (rows, columns) over cells."""
+    """Mean squares (rows, columns) over cells and, by half, their neighbours."""
     rows, columns = difference.shape[0] // _CELL, difference.shape[1] // _CELL
     square = cv2.multiply(difference, difference)
-    return np.asarray(cv2.resize(square, (columns, rows), interpolation=cv2.INTER_AREA), np.float64)
+    small = cv2.resize(square, (columns, rows), interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.sepFilter2D(small, -1, _TAPER, _TAPER, borderType=cv2.BORDER_REPLICATE), np.float64)

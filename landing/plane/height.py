@@ -97,11 +97,15 @@ def height(
     return 1.0 / inverse, relative / inverse
 
 
+_AGREE = 2.0
+"""Standard deviations within which ratio and slope must agree for the slope to count later."""
+
+
 class BetterHeight:
     """The ratio while the velocity is large beside its error, then the slope where it is surer.
 
     A velocity that is a share of the true one makes a straight line as well, of a distance that is too small. So the
-    slope counts once the velocity has been large, and until the slope is lost.
+    slope counts once the velocity has been large and both agreed, and until the slope is lost.
     """
 
     def __init__(self, vouched_std: float) -> None:
@@ -120,7 +124,7 @@ class BetterHeight:
             self._vouched = False
             return ratio
         if height_m > 0 and std_m <= self._vouched_std * height_m:
-            self._vouched = True
+            self._vouched = abs(height_m - line_m) <= _AGREE * math.hypot(std_m, line_std_m)
             return ratio
         if not self._vouched:
             return ratio

@@ -12,6 +12,7 @@ _SIDE = 3
 """Side of the window a corner is found by, in blocks of the structure tensor."""
 _MAX_STD_PX = 0.4
 """Worst predicted error of a corner's match along its weak direction."""
+_AREA, _HALF = np.ones((3, 3), np.uint8), 0.5
 _SPACING = 7
 """Side of the square about a track, in blocks, that gets no other."""
 
@@ -52,6 +53,22 @@ class Corners:
         cells = np.zeros(self.cells, bool)
         cells[self.cell_of(pixels)] = True
         return cells
+
+    def blind(self, pixels: NDArray[np.float32], barred: NDArray[np.bool_] | None = None) -> float:
+        """Share of the cells that lie in areas of three cells a side or more without one of the pixels (n, 2).
+
+        Cells of which ``barred`` (height, width) leaves less than half are left out.
+        """
+        shown = np.zeros(self.cells, bool)
+        shown[self._open] = True
+        if barred is not None:
+            blocks = barred[::BLOCK, ::BLOCK][: self.camera.height // BLOCK, : self.camera.width // BLOCK]
+            shown[self._open] = blocks.ravel().take(self._members).mean(axis=1) < _HALF
+        empty = ~self.occupied(pixels) | ~shown
+        grid = empty.astype(np.uint8).reshape(self._rows, self._cols)
+        area = cv2.morphologyEx(grid, cv2.MORPH_OPEN, _AREA, borderType=cv2.BORDER_CONSTANT, borderValue=0)
+        total = int(np.count_nonzero(shown))
+        return int(np.count_nonzero(shown & (area.ravel() > 0))) / total if total else 1.0
 
     def find(
         self, tensor: Tensor, tracked: NDArray[np.float32], barred: NDArray[np.bool_] | None = None

@@ -146,6 +146,10 @@ class FeatureTracker:
         occupied = self._corners.occupied(self.pixels.compress(self.alive, 0))
         return int(np.count_nonzero(occupied)) / len(occupied)
 
+    def blind(self) -> float:
+        """Share of the grid's cells that lie in areas without any track, what is masked aside."""
+        return self._corners.blind(self.pixels.compress(self.alive, 0), self._barred)
+
     def _prepared(self, image: Image) -> Image:
         """The image with its local mean taken out, stretched to a fixed contrast.
 

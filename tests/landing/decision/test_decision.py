@@ -73,6 +73,8 @@ def test_flat_has_nothing_against_it():
         ({"roughness": math.nan}, "roughness unknown"),
         ({"roughness_std": 0.005}, "roughness uncertain: 0.0020, may be 0.0120, limit 0.0100"),
         ({"roughness_std": math.nan}, "roughness uncertain: 0.0020, may be nan, limit 0.0100"),
+        ({"blind": 0.25}, "too little of the surface seen: 0.75, at least 0.80 needed"),
+        ({"blind": math.nan}, "too little of the surface seen: nan, at least 0.80 needed"),
         ({"obstacle_points": 2}, "too rough: 2 obstacle points, limit 1"),
         ({"coverage": 0.1}, "too little of the surface seen: 0.10, at least 0.30 needed"),
         ({"coverage": math.nan}, "too little of the surface seen: nan, at least 0.30 needed"),
@@ -204,6 +206,14 @@ def test_the_ground_to_land_on_must_be_seen_finely_enough(seen: AreaSeen, code: 
     options = replace(OPTIONS, max_patch_m=0.4, min_area_measured=0.8)
     found = against_landing(FLAT, options, 0.0, Area(seen))
     assert [reason.code for reason in found] == ([] if code is None else [code])
+
+
+def test_the_ground_map_takes_the_place_of_what_is_seen_now():
+    """A skid hides ground that was measured before; what is too far away to be resolved stays so."""
+    options = replace(OPTIONS, max_patch_m=0.4, min_area_measured=0.8)
+    assert against_landing(FLAT, options, 0.0, Area(AreaSeen(0.0, 0.2)), mapped=True) == ()
+    (reason,) = against_landing(FLAT, options, 0.0, Area(AreaSeen(0.0, 0.5)), mapped=True)
+    assert reason.code is Code.GROUND_UNRESOLVED
 
 
 def test_a_frame_without_an_estimate_neither_makes_fit_nor_restarts_the_dwell_time():

@@ -216,3 +216,30 @@ def test_there_are_no_more_cells_than_tracks(width: int, height: int, wanted: in
     corners = Corners(camera, TrackingOptions(max_features=wanted))
     assert corners.cells <= wanted
     assert corners.cells > 0.7 * wanted or corners.cell_px == 8
+
+
+@pytest.mark.parametrize(
+    ("rows", "columns", "least", "most"),
+    [
+        (slice(0, 0), slice(0, 0), 0.0, 0.0),
+        (slice(0, 120), slice(0, 160), 0.2, 0.3),
+        (slice(120, 240), slice(160, 320), 0.2, 0.3),
+        (slice(0, 240), slice(0, 22), 0.0, 0.0),
+        (slice(0, 240), slice(0, 320), 1.0, 1.0),
+    ],
+)
+def test_a_blind_quarter_is_counted_and_what_is_masked_is_not(
+    rows: slice, columns: slice, least: float, most: float
+):
+    """A quarter of the view without tracks; a strip of a cell that new ground has just filled is none."""
+    camera = CameraModel.from_focal(320, 240, 256.0)
+    corners = Corners(camera, TrackingOptions())
+    side = corners.cell_px
+    middles = np.arange(240 // side) * side + side / 2, np.arange(320 // side) * side + side / 2
+    v, u = (part.ravel() for part in np.meshgrid(*middles, indexing="ij"))
+    gone = np.zeros((240, 320), bool)
+    gone[rows, columns] = True
+    tracks = np.column_stack((u, v))[~gone[v.astype(int), u.astype(int)]].astype(np.float32)
+    assert least <= corners.blind(tracks) <= most
+    if not gone.all():
+        assert corners.blind(tracks, gone) < 0.05
