@@ -23,10 +23,10 @@ from landing.vision.tracking import FeatureTracker
 
 FLIGHTS = REPOSITORY / "sitl_logs"
 CUTS = {
-    "steep": ("ramp_a", 17.2, 20.7),
+    "steep": ("ramp_a", 17.2, 20.0),
     "agile": ("agile_a", 8.5, 12.0),
-    "stairs": ("stairs_a", 14.0, 18.0),
-    "descent": ("descent_a", 10.5, 14.0),
+    "stairs": ("stairs_a", 14.0, 17.4),
+    "descent": ("descent_a", 10.5, 13.3),
 }
 """Flight, start and end in seconds: 20 degrees of slope, level ground in a fast turn, stairs to floor, 15 degrees
 straight down."""

@@ -23,9 +23,9 @@ def test_every_frame_is_accounted_for(tmp_path) -> None:
         seen[f"{at}"] += 1
         if at == 14:
             return image, -33_333  # the stamp of the frame before
-        if at == 17:
+        if at == 18:
             return image, -90_000
-        return image[:120, :160] if at == 20 else image
+        return image[:120, :160] if at == 22 else image
 
     with DaemonBench(tmp_path, (0.0, 5.5), edit_frames=edit) as bench:
         bench.play_to_end(then_s=1.2)

@@ -6,8 +6,8 @@ import sys
 import threading
 
 from daemon_support import DaemonBench, wait_for
+from examples import examples
 from hypothesis import given
-from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from ports import free_endpoint, free_udp_port
 
@@ -28,7 +28,7 @@ def test_limits_publishing_and_recording_are_taken_over_and_nothing_else():
     assert "a restart is needed for camera.rate_hz" in found.text
 
 
-@hypothesis_settings(max_examples=50, deadline=None)
+@examples(50)
 @given(st.sampled_from([e for e in entries() if e.limits]), st.floats(0, 1))
 def test_every_setting_is_taken_over_or_named(entry, part):
     value = entry.limits.low + part * (entry.limits.high - entry.limits.low)

@@ -8,7 +8,8 @@ import time
 
 import pytest
 from daemon_support import wait_for
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 from ports import free_endpoint, free_udp_port
 
@@ -58,7 +59,7 @@ def test_texts_without_secrets_stay_as_they_are(text):
     assert masked(text) == text
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(
     user=st.text("abc%:", max_size=5),
     password=st.text("Zz9/@:!%$&=#?.-", min_size=1, max_size=12).map(lambda p: "SeCrEt" + p),

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.cli import main
@@ -166,7 +167,7 @@ def test_a_landing_onto_what_was_not_in_view_at_the_request_is_broken_off() -> N
     assert held.decisions[-1].command.startswith("held")
 
 
-@settings(deadline=None, max_examples=40)
+@examples(20)
 @given(st.integers(0, 2**31 - 1))
 def test_random_scenarios_are_valid_files(seed: int) -> None:
     scenario = random_scenario(seed)
