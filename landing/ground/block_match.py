@@ -123,7 +123,7 @@ def match(new: Image, aligned: Image, flow: Array, along: Array) -> Match:
 
 def _aside(energy: Image) -> Array:
     """Mean place (rows, columns, 2) px of each part's gradient energy, from the part's middle."""
-    energy = cv2.max(energy, 1e-6)
+    energy = np.maximum(energy, np.float32(1e-6))
     height, width = energy.shape
     x = np.tile(np.arange(PART, dtype=np.float32) - (PART - 1) / 2, (height, width // PART))
     y = np.tile((np.arange(PART, dtype=np.float32) - (PART - 1) / 2)[:, None], (height // PART, width))
