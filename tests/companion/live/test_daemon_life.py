@@ -39,7 +39,6 @@ def test_lands_once_on_fit_ground_and_follows_the_command(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("answer", "event", "word"),
     [
-        (vs.DENIED, "landing_refused", "denied"),
         (vs.TEMPORARILY_REJECTED, "landing_refused", "temporarily rejected"),
         (vs.SILENCE, "landing_failed", "no answer"),
     ],
