@@ -144,7 +144,7 @@ def test_a_hung_pipeline_stops_heartbeats_and_watchdog(tmp_path, monkeypatch) ->
         thread.join()
         listener.close()
     assert reported[0] == "READY=1"
-    assert reported[-1] == "STOPPING=1"
+    assert "STOPPING=1" in reported
 
 
 def test_a_second_daemon_for_the_same_vehicle_says_so(tmp_path) -> None:
