@@ -29,6 +29,6 @@ def test_the_daemon_starts_in_any_order_and_ends() -> None:
     assert [f.order for f in figures] == list(start_up.FROM)
     for f in figures:
         assert 0 < f.message_s[0] <= f.estimate_s[0]
-        assert 0 < f.end_s[0]
+        assert f.end_s[0] > 0
     printed = start_up.table(figures)
     assert all(order in printed for order in start_up.FROM)
