@@ -240,14 +240,14 @@ class Sih(_Piloted):
         self._pilot: MavlinkPilot | None = None
         self._before: Hook = lambda time_s: None
         self._after: Hook = lambda time_s: None
-        self._told: deque[Any] = deque(maxlen=WAITING_POSES)
+        self._reported: deque[Any] = deque(maxlen=WAITING_POSES)
         self._last: tuple[float, float] = (0.0, 0.0)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="sih", daemon=True)
 
     def start(self, before_step: Hook, after_step: Hook) -> None:
         self._before, self._after = before_step, after_step
-        self._pilot = MavlinkPilot(self._pilot_connection, follow=self._told.append)
+        self._pilot = MavlinkPilot(self._pilot_connection, follow=self._reported.append)
         self.controls: Controls = _RemoteControls(self._pilot, self._vehicle)
         self._thread.start()
 
@@ -272,8 +272,8 @@ class Sih(_Piloted):
             if time.monotonic() - asked_s > ASK_POSES_S and time.monotonic() - self._last[0] > ASK_POSES_S:
                 asked_s = time.monotonic()
                 self._pilot.ask_poses()
-            while self._told:
-                self._take(self._told.popleft())
+            while self._reported:
+                self._take(self._reported.popleft())
 
     def _take(self, message: Any) -> None:
         if message.get_type() != "ODOMETRY":

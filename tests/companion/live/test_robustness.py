@@ -38,9 +38,9 @@ def test_never_a_confident_wrong_answer(cut: str, nuisance: str):
     # a single frame is no verdict: the dwell time stands before it
     assert outcome.unsafe_flat == 0
     assert outcome.unsafe > 0 or cut == "agile"
-    judged = len(outcome.errors) + len(outcome.silent)
-    assert judged >= 20
-    assert len(outcome.silent) <= MOST_SILENT * judged, outcome.silent
+    counted = len(outcome.errors) + len(outcome.silent)
+    assert counted >= 20
+    assert len(outcome.silent) <= MOST_SILENT * counted, outcome.silent
     assert outcome.within(SIGMAS, BOUND_DEG) >= NEARLY_ALL
     if cut == "agile" and nuisance in STAMPS:
         # up to 60 deg/s for 20 ms: 1.2 degrees of attitude, until the pictures show it
