@@ -74,7 +74,7 @@ def match(new: Image, aligned: Image, flow: Array, along: Array) -> Match:
     both = [0.5 * (a + b) for a, b in zip(*mean, strict=True)]
     offset = _windows(residual)
     xx, yy = (_windows(g) - mean[0][k] * mean[1][k] for k, g in enumerate((in_x, in_y)))
-    xy = 0.5 * (_windows(common(0, 1)) + _windows(common(1, 0)))
+    xy = _windows(cv2.addWeighted(common(0, 1), 0.5, common(1, 0), 0.5, 0.0))
     xy -= 0.5 * (mean[0][0] * mean[1][1] + mean[0][1] * mean[1][0])
     right_x, right_y = (
         _windows(cv2.multiply(g, residual)) - both[k] * offset for k, g in enumerate((mean_x, mean_y))

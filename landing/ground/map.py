@@ -94,9 +94,14 @@ class GroundMap:
             self.variance += _CHANGE_STD_M**2 * interval_s
         self._follow()
 
+    def resolution(self, distance_m: float) -> float:
+        """Side of a cell at the plane's distance along the axis, normalised; NaN where a look would be of no use."""
+        fine = PART * distance_m <= _COARSEST * CELL_M * self._focal_px
+        return CELL_M / distance_m if fine and distance_m > 0 else math.nan
+
     def look(self, relief: ViewRelief, ned_from_camera: Array, distance_m: float) -> None:
         """Take one look. ``distance_m`` is the plane's along the axis."""
-        footprint_m = PART * distance_m / self._focal_px
+        footprint_m = relief.reduction * PART * distance_m / self._focal_px
         parts = max(1, math.ceil(footprint_m / CELL_M))
         if parts > _COARSEST:
             return
