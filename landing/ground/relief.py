@@ -49,15 +49,16 @@ class ViewRelief:
 
     ``points`` (n, 2) are the parts' middles, normalised, in the newest frame at its middle row's time; ``depth`` (n,)
     the distance along the axis over that of the plane at the axis, NaN where it is not known; ``std`` (n,) one sigma of
-    it. ``moving`` (n,) marks what moves against the ground. ``fresh`` is the motion since the last look over that of
-    the baseline, at most one: looks over the same baseline share their errors. ``reduction``: side of the picture over
-    that of the one that was looked at.
+    it. ``moving`` (n,) marks what moves against the ground, ``bare`` (n,) what both pictures show without texture.
+    ``fresh`` is the motion since the last look over that of the baseline, at most one: looks over the same baseline
+    share their errors. ``reduction``: side of the picture over that of the one that was looked at.
     """
 
     points: Array
     depth: Array
     std: Array
     moving: NDArray[np.bool_]
+    bare: NDArray[np.bool_]
     fresh: float
     reduction: int = 1
 
@@ -78,7 +79,7 @@ class DenseRelief:
         """The same for pictures of half the size, where they are large enough."""
         if camera.width >= 2 * _LEAST_COLUMNS:
             self._half = DenseRelief(options, camera.resized(camera.width // 2, camera.height // 2))
-        self._flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)
+        self._flow: Any = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)
         self._flow.setFinestScale(0)
         self._shrunk = 2 ** max(0, round(math.log2(camera.width / _FLOW_COLUMNS)))
         self._rows, self._columns = camera.height // BLOCK, camera.width // BLOCK
@@ -215,7 +216,8 @@ class DenseRelief:
         # OpenCV 5.0.0 interpolates linearly at wrong places where both coordinates come in one map
         x, y = (cv2.add(here, part) for here, part in zip(self._grid, forth, strict=True))
         aligned = cv2.remap(warped, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        usable = self._both_ways(flow, back) & self._inside(places, flow, old.shape) & ~self.mask
+        inside = self._inside(places, flow, old.shape) & ~self.mask
+        usable = self._both_ways(flow, back) & inside
         along, per_normalised = self._parallax(t)
         matched = match(new, aligned, flow, along)
         usable &= matched.converged
@@ -228,7 +230,8 @@ class DenseRelief:
         moving = usable & (across > _MOVING_PX) & (across > _MOVING * matched.across_std_px)
         relative = std / np.abs(depth)
         usable &= ~moving & (depth > 0) & (relative <= self.options.max_std)
-        parts = self._parts
+        # a height belongs to where the texture is: beside an edge, to the edge
+        parts = self._parts + matched.aside_px.reshape(-1, 2) / self.camera.focal_px
         if row_moves is not None:
             parts = moved(parts, self._part_shares, row_moves[0])
         known = self._in_parts(usable) & matched.seen.ravel()
@@ -239,6 +242,7 @@ class DenseRelief:
             np.where(known, self._in_parts(depth) * aside, math.nan),
             np.where(known, self._in_parts(std) * aside, math.nan),
             self._in_parts(moving),
+            self._in_parts(inside) & matched.bare.ravel(),
             fresh,
         )
 
@@ -251,8 +255,12 @@ class DenseRelief:
         height, width = self._size
         size = width // self._shrunk, height // self._shrunk
         small = [cv2.resize(image, size, interpolation=cv2.INTER_AREA) for image in (new, warped)]
-        forth, back = (self._flow.calc(a, b, None) * np.float32(self._shrunk) for a, b in (small, small[::-1]))
-        full = [cv2.resize(part, (width, height), interpolation=cv2.INTER_LINEAR) for part in cv2.split(forth)]
+        forth, back = (
+            self._flow.calc(a, b, None) * np.float32(self._shrunk) for a, b in (small, small[::-1])
+        )
+        full = [
+            cv2.resize(part, (width, height), interpolation=cv2.INTER_LINEAR) for part in cv2.split(forth)
+        ]
         return full, back
 
     def _both_ways(self, flow: Array, back: Image) -> NDArray[np.bool_]:

@@ -118,7 +118,7 @@ class CameraModel:
         return cv2.dilate(self.mask.astype(np.uint8), np.ones((side, side), np.uint8)).view(bool)
 
     def resized(self, width: int, height: int) -> "CameraModel":
-        """The same camera with pictures resized to ``width`` x ``height``; a pixel that holds any of the mask is of it."""
+        """The same camera with pictures of another size; a pixel that holds any of the mask is of the mask."""
         sx, sy = width / self.width, height / self.height
         # the middle of the first pixel is (0, 0)
         scaled = np.array(((sx, 0, (sx - 1) / 2), (0, sy, (sy - 1) / 2), (0, 0, 1)))
