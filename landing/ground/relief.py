@@ -144,7 +144,7 @@ class DenseRelief:
         fresh = min(1.0, self._moved / self.target_px)
         self._moved, self._frames = 0.0, 0
         moves = views.rows.moves_of(gap)
-        looking, reduction = self._reduced(resolution)
+        looking, reduction = self.reduced(resolution)
         size = looking.camera.width, looking.camera.height
         new, old = self._images[0], self._images[gap]
         if reduction > 1:
@@ -152,12 +152,12 @@ class DenseRelief:
         relief = looking.look(new, old, plane.normal, *motion, fresh, moves)
         return replace(relief, reduction=reduction)
 
-    def _reduced(self, resolution: float) -> tuple["DenseRelief", int]:
+    def reduced(self, resolution: float) -> tuple["DenseRelief", int]:
         """The look at the smallest picture whose parts are no larger than ``resolution``, and its reduction."""
         half = self._half
         if half is None or PART / half.camera.focal_px > resolution:
             return self, 1
-        looking, reduction = half._reduced(resolution)
+        looking, reduction = half.reduced(resolution)
         return looking, 2 * reduction
 
     def _gap(self, views: Views) -> int | None:
