@@ -91,7 +91,7 @@ def test_every_rule_of_the_decision_is_needed() -> None:
     ("module", "tests"),
     [
         (consent, ("companion/core/test_consent",)),
-        (decision_logic, ("companion/core/test_decision_rules",)),
+        (decision_logic, ("landing/decision/test_decision_rules",)),
         (vehicle_state, ("companion/core/test_consent", "companion/core/test_vehicle_state")),
         (pilot, ("companion/core/test_consent",)),
         (arrival, ("landing/decision/test_arrival",)),
