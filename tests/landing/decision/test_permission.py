@@ -3,7 +3,8 @@
 from dataclasses import dataclass, replace
 
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from landing.decision.permission import Gate, Permission, Phase, Position, Seen, Switch, objections
@@ -248,7 +249,7 @@ class Model:
     off_since_end: bool = False
 
 
-@settings(max_examples=150, deadline=None)
+@examples(150)
 @given(st.sampled_from([RADIO, MODE, BOTH]), st.lists(ACTS, max_size=40))
 def test_invariants_of_any_life(switch: Switch, acts: list[tuple[str, object]]) -> None:
     permission, seen, model = Permission(switch), Seen(radio=UNCLEAR), Model()
