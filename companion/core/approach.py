@@ -4,15 +4,17 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from companion.core.consent import Consent
 from companion.messages.events import event
 from companion.messages.messages import Event, ProcedureState
 from companion.settings.settings import Settings
 from landing.decision.decision import against_motion
+from landing.decision.ground_level import GroundLevel
+from landing.decision.lean import Lean
 from landing.decision.orders import (
     NOT_SEEN,
-    STILL,
     GroundMotion,
     Inputs,
     Order,
@@ -28,7 +30,10 @@ from landing.decision.withheld import Withheld
 from landing.estimate import SurfaceEstimate
 from landing.ground.ground import Ground
 from landing.reasons import CONTRADICTIONS
+from landing.rotations import euler_from_matrix
 from landing.vision.camera import CameraModel
+
+Array = NDArray[np.float64]
 
 SPOTS_EVERY_S = 0.2
 """All discs are looked at this often; the chosen one at every frame."""
@@ -98,6 +103,7 @@ class Approach:
         )
         self._ground, self._consent = ground, consent
         self._decision = settings.decision
+        self._level, self._lean = GroundLevel(), Lean()
         self._spots_s = -math.inf
         self._local: tuple[int, Vector] | None = None
         self._reported: Step | None = None
@@ -126,14 +132,21 @@ class Approach:
         self._local = now_us, position_ned
 
     def see(
-        self, estimate: SurfaceEstimate, yaw: float, now_us: int, time_unix_us: int, *, busy: bool
+        self, estimate: SurfaceEstimate, attitude: Array | None, now_us: int, time_unix_us: int, *, busy: bool
     ) -> list[Event | Ordered]:
-        """Take a frame; ``busy``: a command to land is under way."""
-        ground, sight = self._ground, self._ground.sight
+        """Take a frame; ``attitude`` is ned_from_body (3, 3) then. ``busy``: a command to land is under way."""
+        ground, sight, local = self._ground, self._ground.sight, self._fresh_local(now_us)
+        velocity = None if sight.velocity_ned is None else np.array(sight.velocity_ned)
+        self._lean.step(estimate.time_s, attitude, velocity)
         spots = None
         if self._machine.wants_spots and estimate.time_s - self._spots_s >= SPOTS_EVERY_S:
-            self._spots_s, spots = estimate.time_s, ground.spots()
+            self._spots_s, spots = estimate.time_s, ground.spots(self._lean.drift_m)
         place = self._machine.spot_ned
+        speed = math.nan if velocity is None else math.hypot(*velocity[:2])
+        self._level.step(estimate.time_s, local, sight.approach, sight.seen_m, sight.seen_std_m)
+        height_m = self._level.height_m
+        # the map is in the metres of the view's own height
+        clear = ground.clear_m(NEAR_M + (speed if math.isfinite(speed) else 0.0)) / sight.height_m
         inputs = Inputs(
             time_s=estimate.time_s,
             objections=self._objections(now_us),
@@ -142,11 +155,11 @@ class Approach:
             landing=busy,
             contradictions=(str(estimate.status),) if estimate.status in CONTRADICTIONS else (),
             place_ned=sight.place_ned,
-            local_ned=self._fresh_local(now_us),
-            velocity_ned=sight.velocity_ned if self._fresh_local(now_us) is not None else None,
-            yaw=yaw,
-            height_m=sight.height_m,
-            clear_m=ground.clear_m(NEAR_M + math.hypot(*(sight.velocity_ned or STILL)[:2])),
+            local_ned=local,
+            velocity_ned=sight.velocity_ned if local is not None else None,
+            yaw=math.nan if attitude is None else euler_from_matrix(attitude)[2],
+            height_m=height_m,
+            clear_m=clear * height_m,
             approach=sight.approach,
             ground_motion=self._ground_motion(estimate),
             below=ground.at(*sight.place_ned[:2]),

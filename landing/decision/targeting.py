@@ -26,7 +26,7 @@ class Targeting:
         self.options = options
         self.state, self.why = State.IDLE, Why.NO_PERMISSION
         self._choice = Choice(options.max_search_m)
-        self._origin: Vector | None = None
+        self._began = False
 
     @property
     def spot_ned(self) -> Vector | None:
@@ -51,8 +51,8 @@ class Targeting:
         return None
 
     def _wait(self) -> Order:
+        self._began = False
         self._choice.forget()
-        self._origin = None
         self.state, self.why = State.IDLE, Why.NO_PERMISSION
         return Order()
 
@@ -65,9 +65,11 @@ class Targeting:
                 Why.CONTRADICTED if i.contradictions else Why.PERMISSION_ENDED,
             )
             return Order()
-        self._origin = self._origin or i.place_ned
+        if not self._began:
+            self._choice.begin(i)
+            self._began = True
         if i.height_m >= LOWEST_SHARE * self.options.hand_over_m:  # below, the target stays where it is
-            self._choice.step(i, self._origin)
+            self._choice.step(i)
             if i.at_spot.verdict == HAZARD:
                 self._choice.refuse()
         spot = self._choice.spot_ned

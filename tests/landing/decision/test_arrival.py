@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from landing.decision.arrival import arrived, beside, over, sink_share, slow
+from landing.decision.arrival import beside, over, sink_share, slow
 from landing.decision.looking import Looking, lowest_look
 from landing.decision.orders import STILL, Inputs
 from landing.decision.procedure_options import (
@@ -40,15 +40,6 @@ def at(north_m: float, east_m: float = 0.0, **changes: object) -> Inputs:
 )  # fmt: skip
 def test_slow_is_a_level_speed_that_is_known(velocity, expected):
     assert slow(at(0, velocity_ned=velocity), 0.5) is expected
-
-
-@pytest.mark.parametrize(
-    ("off_m", "height_m", "speed", "expected"),
-    [(0.24, 1.0, 0.0, True), (0.26, 1.0, 0.0, False), (0.39, 5.0, 0.0, True), (0.41, 5.0, 0.0, False),
-     (0.1, 1.0, 2 * SLOW_M_S - 0.01, True), (0.1, 1.0, 2 * SLOW_M_S + 0.01, False)],
-)  # fmt: skip
-def test_arrived_is_near_for_its_height_and_slow(off_m, height_m, speed, expected):
-    assert arrived(at(off_m, height_m=height_m, velocity_ned=(0, speed, 0)), SPOT) is expected
 
 
 @pytest.mark.parametrize(
