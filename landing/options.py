@@ -20,41 +20,10 @@ class TrackingOptions:
 
     max_features: Annotated[int, Limits(20, 1000, "", "corners tracked at once")] = 150
     window_px: Annotated[int, Limits(5, 41, "px", "side of the Lucas-Kanade window")] = 16
-    levels: Annotated[
-        int, Limits(0, 5, "", "pyramid levels above the image where the motion is predicted")
-    ] = 0
-    retry_share: Annotated[
-        float, Limits(0, 1, "", "share of tracks lost at which a prediction counts as wrong")
-    ] = 0.2
-    levels_unpredicted: Annotated[int, Limits(0, 5, "", "pyramid levels above the image where it is not")] = 3
-    warp_min_tracks: Annotated[int, Limits(8, 1000, "", "fewest tracks to warp the reference image by")] = 20
-    warp_from_px: Annotated[
-        float, Limits(0, 10, "px", "deformation at a patch's edge from which the reference is warped")
-    ] = 0.3
-    level_px: Annotated[
-        int, Limits(0, 500, "px", "side of the area whose mean is taken out before tracking, 0: none")
-    ] = 31
-    blur_px: Annotated[float, Limits(0, 3, "px", "sigma of a blur before tracking")] = 0.0
-    contrast: Annotated[
-        float, Limits(5, 120, "", "standard deviation of grey that images are stretched to")
-    ] = 45.0
-    max_gain: Annotated[float, Limits(1, 20, "", "largest stretch")] = 4.0
     grey_noise: Annotated[float, Limits(0.1, 50, "grey", "image noise after the stretch, for weights")] = 4.0
     match_std_px: Annotated[
         float, Limits(0.001, 1, "px", "error of a match that no texture helps against")
     ] = 0.05
-    corner_max_std_px: Annotated[float, Limits(0.01, 2, "px", "worst predicted error of a corner")] = 0.4
-    corner_px: Annotated[int, Limits(3, 41, "px", "side of the window a corner is found by")] = 6
-    spacing_px: Annotated[int, Limits(0, 50, "px", "new corners keep this far from tracks")] = 7
-    twin_px: Annotated[float, Limits(1, 50, "px", "tracks as near as this are one")] = 5.0
-    renew_below: Annotated[float, Limits(0, 1, "", "share of tracks left at which corners are added")] = 0.75
-    renew_after_frames: Annotated[int, Limits(1, 1000, "frames", "oldest reference image")] = 15
-    renew_after_cells: Annotated[float, Limits(0.05, 10, "cells", "motion after which corners are added")] = (
-        0.3
-    )
-    forward_backward_max_px: Annotated[
-        float, Limits(0.05, 5, "px", "a track that does not come back to its start within this is refused")
-    ] = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,19 +51,10 @@ class EstimatorOptions:
     ] = 0.01
     min_tracks: Annotated[int, Limits(12, 500, "", "fewest tracks for an estimate")] = 24
     min_coverage: Annotated[float, Limits(0, 1, "", "smallest share of the image with tracks")] = 0.2
-    min_roughness_tracks: Annotated[int, Limits(8, 500, "", "fewest tracks for a roughness")] = 20
-    noise_floor: Annotated[
-        float, Limits(0.01, 1, "", "smallest track noise believed, over the predicted")
-    ] = 0.3
-    noise_cap: Annotated[float, Limits(1, 100, "", "largest track noise believed, over the predicted")] = 10.0
     map_max_flow_px: Annotated[float, Limits(1, 200, "px", "longest flow over a baseline")] = 45.0
     map_min_flow_px: Annotated[
         float, Limits(0.05, 50, "px", "smallest RMS flow an estimate is made from")
     ] = 5.0
-    map_keep_tracks: Annotated[float, Limits(0, 1, "", "share of the tracks that a baseline keeps")] = 0.5
-    map_cut: Annotated[
-        float, Limits(2, 10, "sigma", "residual beyond which a track counts as an outlier")
-    ] = 4.5
     max_slope_std_deg: Annotated[
         float, Limits(0.1, 30, "deg", "uncertainty above which the slope is unknown")
     ] = 1.0
@@ -127,35 +87,11 @@ class EstimatorOptions:
     shared_error_px: Annotated[
         float, Limits(0, 1, "px", "error of all matches of a frame alike, one sigma")
     ] = 0.12
-    shared_noise: Annotated[
-        float, Limits(1, 20, "", "noise of a displacement, over that of tracks that share no errors")
-    ] = 2.0
     memory_s: Annotated[float, Limits(0, 30, "s", "how far back estimates are fused")] = 2.0
-    drift_std_deg: Annotated[float, Limits(0, 10, "deg", "change of a plane's slope in a second")] = 0.2
-    agreement: Annotated[float, Limits(1, 100, "", "chi-square at which two estimates disagree")] = 9.0
-    agreement_alone: Annotated[
-        float, Limits(1, 1000, "", "chi-square at which the newest alone disagrees with those before it")
-    ] = 25.0
-    overlap: Annotated[
-        float, Limits(0, 5, "", "share of a baseline after which an estimate counts as new")
-    ] = 0.5
-    systematic_std_deg: Annotated[float, Limits(0, 5, "deg", "error of a slope that no fusing removes")] = (
-        0.05
-    )
-    keep_seen: Annotated[
-        float, Limits(0, 1, "", "share of tracks still seen for a remembered slope to hold")
-    ] = 0.6
     rotation_std_rad: Annotated[
         float, Limits(0, 0.1, "rad", "error of measured roll and pitch over a baseline")
     ] = 5e-4
     yaw_std_rad: Annotated[float, Limits(0, 0.1, "rad", "error of measured yaw over a baseline")] = 1.5e-3
-    unmeasured_rotation_std_rad: Annotated[float, Limits(0, 1, "rad", "rotation without any measurement")] = (
-        0.1
-    )
-    slope_std: Annotated[float, Limits(0.1, 10, "", "prior of the slope tangents")] = 1.0
-    restart_below: Annotated[float, Limits(0, 1, "", "inlier share at which the fit is started afresh")] = 0.6
-    relief_groups: Annotated[int, Limits(0, 10, "", "baselines for tracks younger than the plane's")] = 3
-    relief_group_tracks: Annotated[int, Limits(1, 100, "", "fewest tracks worth a baseline of their own")] = 3
     relief_cells: Annotated[
         int, Limits(4, 1000, "", "cells of the view that count alike in the roughness")
     ] = 80
@@ -209,30 +145,13 @@ class EstimatorOptions:
     brink_share: Annotated[
         float, Limits(0.02, 0.5, "", "share of the view, from a side, that such a mean reaches into")
     ] = 0.35
-    gross_sigmas: Annotated[
-        float, Limits(1, 20, "sigma", "residual across the motion that unmasks an error")
-    ] = 4.0
-    gross_share: Annotated[
-        float, Limits(0, 10, "", "the same over that along the motion, below which it is relief all the same")
-    ] = 0.3
     max_roughness_std: Annotated[
         float, Limits(0.0005, 0.1, "", "uncertainty above which roughness is unknown")
     ] = 0.01
     max_height_std: Annotated[
         float, Limits(0.01, 1, "", "relative uncertainty above which height is unknown")
     ] = 0.6
-    quadratic_hypotheses: Annotated[int, Limits(1, 1000, "", "RANSAC hypotheses of a fit")] = 20
-    quadratic_inlier_px: Annotated[float, Limits(0.05, 10, "px", "largest error of an inlier")] = 0.5
-    quadratic_flow_px: Annotated[
-        float, Limits(0.1, 50, "px", "median flow of the shortest baseline taken")
-    ] = 3.0
     quadratic_max_gap: Annotated[int, Limits(1, 60, "frames", "longest baseline")] = 12
-    quadratic_min_flow: Annotated[float, Limits(0.001, 1, "1/s", "ventral flow for first-order slopes")] = (
-        0.04
-    )
-    quadratic_min_divergence: Annotated[
-        float, Limits(0.001, 1, "1/s", "divergence for second-order slopes")
-    ] = 0.04
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,56 @@ class Moved:
         return f"{where}: {self.why}" if self.why else where
 
 
+_FIXED = Moved(why="it is a constant of the method now")
+_FIXED_TRACKING = (
+    "levels",
+    "retry_share",
+    "levels_unpredicted",
+    "warp_min_tracks",
+    "warp_from_px",
+    "level_px",
+    "contrast",
+    "max_gain",
+    "corner_max_std_px",
+    "corner_px",
+    "spacing_px",
+    "twin_px",
+    "renew_below",
+    "renew_after_frames",
+    "renew_after_cells",
+    "forward_backward_max_px",
+)
+_FIXED_ESTIMATOR = (
+    "min_roughness_tracks",
+    "noise_floor",
+    "noise_cap",
+    "map_keep_tracks",
+    "map_cut",
+    "shared_noise",
+    "drift_std_deg",
+    "agreement",
+    "agreement_alone",
+    "overlap",
+    "systematic_std_deg",
+    "keep_seen",
+    "unmeasured_rotation_std_rad",
+    "slope_std",
+    "restart_below",
+    "relief_groups",
+    "relief_group_tracks",
+    "gross_sigmas",
+    "gross_share",
+    "quadratic_hypotheses",
+    "quadratic_inlier_px",
+    "quadratic_flow_px",
+    "quadratic_min_flow",
+    "quadratic_min_divergence",
+)
+
 MOVED: dict[str, Moved] = {
+    **{f"tracking.{name}": _FIXED for name in _FIXED_TRACKING},
+    **{f"estimator.{name}": _FIXED for name in _FIXED_ESTIMATOR},
+    "tracking.blur_px": Moved(why="pictures are not blurred before tracking"),
     "estimator.border_kept_px": Moved(
         why="a doubt at the border of the view lasts for ground.baseline of motion, until the ground is measured"
     ),

@@ -47,14 +47,16 @@ class ViewRelief:
 
     ``points`` (n, 2) are the parts' middles, normalised, in the newest frame at its middle row's time; ``depth`` (n,)
     the distance along the axis over that of the plane at the axis, NaN where it is not known; ``std`` (n,) one sigma of
-    it. ``moving`` (n,) marks what moves against the ground. ``fresh`` is the motion since the last look over that of
-    the baseline, at most one: looks over the same baseline share their errors.
+    it. ``moving`` (n,) marks what moves against the ground, ``bare`` (n,) what both pictures show without texture.
+    ``fresh`` is the motion since the last look over that of the baseline, at most one: looks over the same baseline
+    share their errors.
     """
 
     points: Array
     depth: Array
     std: Array
     moving: NDArray[np.bool_]
+    bare: NDArray[np.bool_]
     fresh: float
 
     @property
@@ -197,7 +199,8 @@ class DenseRelief:
         x, y = (cv2.add(part, forth[..., k]) for k, part in enumerate(self._grid))
         aligned = cv2.remap(warped, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         flow = means_of_blocks(forth)
-        usable = self._both_ways(flow, back) & self._inside(places, flow, old.shape) & ~self.mask
+        inside = self._inside(places, flow, old.shape) & ~self.mask
+        usable = self._both_ways(flow, back) & inside
         along, per_normalised = self._parallax(t)
         matched = match(new, aligned, flow, along)
         usable &= matched.converged
@@ -210,7 +213,8 @@ class DenseRelief:
         moving = usable & (across > _MOVING_PX) & (across > _MOVING * matched.across_std_px)
         relative = std / np.abs(depth)
         usable &= ~moving & (depth > 0) & (relative <= self.options.max_std)
-        parts = self._parts
+        # a height belongs to where the texture is: beside an edge, to the edge
+        parts = self._parts + matched.aside_px.reshape(-1, 2) / self.camera.focal_px
         if row_moves is not None:
             parts = moved(parts, self._part_shares, row_moves[0])
         known = self._in_parts(usable) & matched.seen.ravel()
@@ -221,6 +225,7 @@ class DenseRelief:
             np.where(known, self._in_parts(depth) * aside, math.nan),
             np.where(known, self._in_parts(std) * aside, math.nan),
             self._in_parts(moving),
+            self._in_parts(inside) & matched.bare.ravel(),
             fresh,
         )
 

@@ -18,6 +18,7 @@ from landing.motion.motion import OverPlane
 from landing.motion.views import Views
 from landing.options import EstimatorOptions
 from landing.plane.plane import Plane
+from landing.plane.planefit import NOISE_FLOOR
 from landing.vision.camera import CameraModel
 from landing.vision.tracking import FeatureTracker
 
@@ -25,6 +26,12 @@ Array = NDArray[np.float64]
 
 _SHARE = 3, 4
 """Share of the plane's baseline that heights are measured over: longer is less noise, shorter more tracks."""
+_LEAST_TRACKS = 20
+"""Fewest tracks for a roughness."""
+_GROUPS, _GROUP_TRACKS = 3, 3
+"""Baselines for tracks younger than the plane's, and the fewest tracks that get one of their own."""
+_GROSS_SIGMAS, _GROSS_SHARE = 4.0, 0.3
+"""Residual across the motion that shows an error, and its share of that along the motion below which it is relief."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +89,7 @@ class ReliefMap:
         significant = np.abs(h) > o.standing_sigmas * s
         obstacle_points = self._obstacle_points(tracker, slots, h, significant)
         unknown = Relief(slots, h, s, math.nan, math.nan, gross, obstacle_points)
-        if len(slots) < o.min_roughness_tracks:
+        if len(slots) < _LEAST_TRACKS:
             return unknown
         twice = np.isfinite(h2)
         variance = s * s
@@ -135,7 +142,7 @@ class ReliefMap:
             self._measured[place] = None
             nothing = np.empty(0)
             return slots[:0], nothing, nothing, nothing, nothing, 0
-        h, s, wrong = heights(*over.against(found[0], index), normal, o)
+        h, s, wrong = heights(*over.against(found[0], index), normal)
         older, older_std, older_wrong = self._recall(views, normal, weight, reach, slots)
         height, std = np.full((2, len(weight)), math.nan)
         height[slots], std[slots] = h, s
@@ -181,12 +188,12 @@ class ReliefMap:
 
         With them the slots (n,) that reach back over the shortest, and the number (n,) of the first gap each reaches.
         """
-        tracker, o = views.tracker, self.options
+        tracker = views.tracker
         slots = tracker.alive.nonzero()[0]
         age = np.minimum(tracker.frame - tracker.born.take(slots), reach)
         count = np.bincount(age, minlength=reach + 1)
-        younger = 1 + (count[1:reach] >= o.relief_group_tracks).nonzero()[0][::-1]
-        gaps = np.concatenate(((reach,), younger[: o.relief_groups])).astype(np.intp)
+        younger = 1 + (count[1:reach] >= _GROUP_TRACKS).nonzero()[0][::-1]
+        gaps = np.concatenate(((reach,), younger[:_GROUPS])).astype(np.intp)
         old = age >= gaps[-1]
         return gaps, slots.compress(old), np.searchsorted(-gaps, -age.compress(old))
 
@@ -242,9 +249,7 @@ def turned(normal: Array, old_from_new: Array | None) -> Array:
     return n / n[2]
 
 
-def heights(
-    along: Array, left: Array, normal: Array, options: EstimatorOptions
-) -> tuple[Array, Array, NDArray[np.bool_]]:
+def heights(along: Array, left: Array, normal: Array) -> tuple[Array, Array, NDArray[np.bool_]]:
     """Height over the plane (n,) over the distance along the axis, its standard deviation, and gross errors (n,).
 
     ``along`` (2, n) is each track's displacement over the plane and ``left`` (2, n) what of its way that leaves,
@@ -255,11 +260,11 @@ def heights(
     information = np.maximum(square[0] + square[1], 1e-12)
     length = np.sqrt(information)
     across = np.abs(gu * left[1] - gv * left[0]) / length
-    noise = max(float(np.partition(across, len(across) // 2)[len(across) // 2]) * 1.4826, options.noise_floor)
+    noise = max(float(np.partition(across, len(across) // 2)[len(across) // 2]) * 1.4826, NOISE_FLOOR)
     scale = 1.0 / math.sqrt(float(np.dot(normal, normal)))
     np.multiply(along, left, out=square)
     product = square[0] + square[1]
     # where a patch lies on a step edge or a slope it is off a little: still relief as long as it goes along the motion
-    astray = across * length > options.gross_share * np.abs(product)
-    astray &= across > options.gross_sigmas * noise
+    astray = across * length > _GROSS_SHARE * np.abs(product)
+    astray &= across > _GROSS_SIGMAS * noise
     return product / information * scale, (noise * scale) / length, astray

@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 _PARTS = (1 / 3, 2 / 3, 1.0)
 """The gaps, as parts of the interval."""
+_SHARED_NOISE = 2.0
+"""Noise of a displacement, over that of tracks that share no errors."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +114,7 @@ def displacements(
 ) -> Moved | None:
     tracks, derotated = views.stack(gaps)
     # a rotation shows in the curvature of the flow alone, where errors that neighbouring tracks share count most
-    noise *= options.shared_noise
+    noise *= _SHARED_NOISE
     over = OverPlane(tracks.new, derotated, normal, tracks.whitener, turns=True)
     found = over.displacement(weight.take(tracks.slots), np.full(3, rotation_std / noise))
     if found is None:

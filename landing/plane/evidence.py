@@ -37,11 +37,11 @@ class EvidenceOptions:
     """
 
     memory_s: float
-    drift_std: float
-    agreement: float
-    agreement_alone: float
-    overlap: float
-    floor_std: float
+    drift_std: float = math.tan(math.radians(0.2))
+    agreement: float = 9.0
+    agreement_alone: float = 25.0
+    overlap: float = 0.5
+    floor_std: float = math.tan(math.radians(0.05))
 
 
 class Evidence:

@@ -19,6 +19,16 @@ Array = NDArray[np.float64]
 
 _UNEVEN = 0.0035
 """How much the slopes of one surface differ from place to place, when they are evidence of something else."""
+_KEEP_TRACKS = 0.5
+"""Share of the tracks that a baseline keeps."""
+_CUT = 4.5
+"""Residual, in standard deviations, beyond which a track counts as an outlier (Tukey's biweight)."""
+_UNMEASURED_ROTATION_STD = 0.1
+"""Rotation without any measurement, rad."""
+_RESTART_BELOW = 0.6
+"""Share of inliers at which the fit is started afresh."""
+_KEEP_SEEN = 0.6
+"""Share of tracks still seen for a remembered slope to hold."""
 _SAMPLE = 40
 """Tracks that the choice of the baseline looks at."""
 
@@ -27,18 +37,8 @@ class MapEstimator:
     """Maximum a posteriori plane between the newest frame and the older one with the most information about it."""
 
     def __init__(self, options: EstimatorOptions, focal_px: float, capacity: int) -> None:
-        o = options
-        self.options, self.focal_px = o, focal_px
-        self.evidence = Evidence(
-            EvidenceOptions(
-                o.memory_s,
-                math.tan(math.radians(o.drift_std_deg)),
-                o.agreement,
-                o.agreement_alone,
-                o.overlap,
-                math.tan(math.radians(o.systematic_std_deg)),
-            )
-        )
+        self.options, self.focal_px = options, focal_px
+        self.evidence = Evidence(EvidenceOptions(options.memory_s))
         self._normal: Array | None = None
         self._weight = np.ones(capacity)
         self._noise = 1.0
@@ -125,7 +125,7 @@ class MapEstimator:
             changes = (fit.covariance @ effect.gradient)[3:5] - old_gradient
             old: Array = np.asarray(fused + np.eye(2) * _UNEVEN**2, np.float64)
             spread = covariance + old + np.outer(changes, changes) * views.rows.std_s**2
-            if float(apart @ np.linalg.solve(spread, apart)) <= self.options.agreement:
+            if float(apart @ np.linalg.solve(spread, apart)) <= self.evidence.options.agreement:
                 difference, before_gradient = apart, old_gradient
                 before = np.asarray(np.linalg.inv(old), np.float64)
         x = np.concatenate((fit.t, (fit.a, fit.b), fit.d))
@@ -147,7 +147,7 @@ class MapEstimator:
     def _choose(self, views: Views) -> tuple[int, float]:
         """The gap of most information, about tracks times flow squared, within the limits; and its RMS flow."""
         o = self.options
-        gaps, count, flow = views.profile(o.min_tracks, o.map_keep_tracks, _SAMPLE)
+        gaps, count, flow = views.profile(o.min_tracks, _KEEP_TRACKS, _SAMPLE)
         flow_px = flow * self.focal_px
         information = np.where(flow_px <= o.map_max_flow_px, count * flow_px**2, -1.0)
         measured = np.array([views.measured(gap) for gap in gaps.tolist()])
@@ -164,7 +164,7 @@ class MapEstimator:
             return False
         tracker = views.tracker
         born = tracker.born[tracker.alive]
-        return len(born) > 0 and float((born <= frame).mean()) >= self.options.keep_seen
+        return len(born) > 0 and float((born <= frame).mean()) >= _KEEP_SEEN
 
     def _fit(self, views: Views, baseline: Baseline) -> PlaneFit | None:
         o = self.options
@@ -172,14 +172,14 @@ class MapEstimator:
             std = np.array((o.rotation_std_rad, o.rotation_std_rad, o.yaw_std_rad))
             std = np.hypot(std, baseline.rotation_std_rad)
         else:
-            std = np.full(3, o.unmeasured_rotation_std_rad)
-        prior = FitPrior(std, o.slope_std, noise_floor=o.noise_floor, noise_cap=o.noise_cap)
+            std = np.full(3, _UNMEASURED_ROTATION_STD)
+        prior = FitPrior(std)
         tracks = baseline.tracks
         fit = None
         start = self._predicted(views, baseline.interval_s)
         if start is not None:
             fit = self._refine(views, baseline, prior, start, (self._weight[tracks.slots], self._noise))
-        if fit is None or np.count_nonzero(fit.weight) < o.restart_below * len(fit.weight):
+        if fit is None or np.count_nonzero(fit.weight) < _RESTART_BELOW * len(fit.weight):
             # a wrong plane would otherwise carry itself on
             other = self._refine(views, baseline, prior)
             if fit is None or (other is not None and other.noise < fit.noise):
@@ -214,7 +214,7 @@ class MapEstimator:
             prior,
             start,
             carried,
-            self.options.map_cut,
+            _CUT,
             moves=baseline.moves,
             lens_moves=views.lens_moves(baseline.gap, t.slots),
             own_moves=views.row_moves(baseline.gap, t.slots),

@@ -37,6 +37,10 @@ _TURNS = np.stack([skew(axis) for axis in np.eye(3)])
 """Cross products with the axes (3, 3, 3)."""
 
 
+NOISE_FLOOR = 0.3
+"""Smallest track noise believed, over the predicted."""
+
+
 @dataclass(frozen=True, slots=True)
 class FitPrior:
     """Standard deviations of what is known before: rotation error (3,) rad, slope tangents, displacement
@@ -49,7 +53,7 @@ class FitPrior:
     rotation_std: Array
     slope_std: float = 1.0
     displacement_std: float = 2.0
-    noise_floor: float = 0.3
+    noise_floor: float = NOISE_FLOOR
     noise_cap: float = 10.0
 
 

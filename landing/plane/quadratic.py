@@ -11,6 +11,15 @@ from landing.plane.plane import Plane
 
 Array = NDArray[np.float64]
 
+_HYPOTHESES = 20
+"""RANSAC hypotheses of a fit."""
+_INLIER_PX = 0.5
+"""Largest error of an inlier."""
+_FLOW_PX = 3.0
+"""Median flow of the shortest baseline taken."""
+_LEAST_FLOW, _LEAST_DIVERGENCE = 0.04, 0.04
+"""Ventral flow for first-order slopes, and divergence for second-order ones, 1/s."""
+
 
 class QuadraticEstimator:
     """u = pu . [1, x, y, x^2, xy] and v = pv . [1, x, y, y^2, xy]; slopes from their terms."""
@@ -27,7 +36,7 @@ class QuadraticEstimator:
             if len(baseline.tracks.slots) < o.min_tracks:
                 return Plane("too_few_tracks")
             length = float(np.median(np.hypot(*baseline.flow.T))) * self.focal_px
-            if length >= o.quadratic_flow_px:
+            if length >= _FLOW_PX:
                 break
         else:
             if views.longest < 1:
@@ -39,7 +48,6 @@ class QuadraticEstimator:
 
     def fit(self, baseline: Baseline) -> Plane:
         """Plane from one baseline; the flow is placed at the middle of each track and taken per second."""
-        o = self.options
         dt = baseline.interval_s
         place = (baseline.tracks.new + baseline.derotated_old) / 2
         flow = baseline.flow / dt
@@ -47,9 +55,9 @@ class QuadraticEstimator:
         one = np.ones_like(x)
         basis_u = np.column_stack((one, x, y, x * x, x * y))
         basis_v = np.column_stack((one, x, y, y * y, x * y))
-        threshold = o.quadratic_inlier_px / self.focal_px / dt
-        fit_u = ransac(basis_u, flow[:, 0], threshold, o.quadratic_hypotheses, self._rng)
-        fit_v = ransac(basis_v, flow[:, 1], threshold, o.quadratic_hypotheses, self._rng)
+        threshold = _INLIER_PX / self.focal_px / dt
+        fit_u = ransac(basis_u, flow[:, 0], threshold, _HYPOTHESES, self._rng)
+        fit_v = ransac(basis_v, flow[:, 1], threshold, _HYPOTHESES, self._rng)
         if fit_u is None or fit_v is None:
             return Plane("no_fit", gap=baseline.gap)
         pu, cov_u, in_u = fit_u
@@ -96,9 +104,8 @@ class QuadraticEstimator:
         self, pu: Array, pv: Array, cov_u: Array, cov_v: Array
     ) -> tuple[float, float, float, Array] | None:
         """(a, b, wz, covariance of (a, b)): first-order terms in sideways motion, second-order along the axis."""
-        o = self.options
         wx, wy = -pu[0], -pv[0]
-        if math.hypot(wx, wy) >= o.quadratic_min_flow:
+        if math.hypot(wx, wy) >= _LEAST_FLOW:
             # pu1 = wx a + wz, pu2 = wx b, pv1 = wy a, pv2 = wy b + wz: four equations, three unknowns
             m = np.array(((wx, 0, 1), (0, wx, 0), (wy, 0, 0), (0, wy, 1)), np.float64)
             solve = np.linalg.pinv(m)
@@ -108,7 +115,7 @@ class QuadraticEstimator:
             covariance = solve @ noise @ solve.T
             return float(value[0]), float(value[1]), float(value[2]), covariance[:2, :2]
         wz = (pu[1] + pv[2]) / 2
-        if abs(wz) >= o.quadratic_min_divergence / 2:
+        if abs(wz) >= _LEAST_DIVERGENCE / 2:
             # pu3 = pv4 = -a wz, pu4 = pv3 = -b wz
             a, b = -(pu[3] + pv[4]) / (2 * wz), -(pu[4] + pv[3]) / (2 * wz)
             covariance = np.zeros((2, 2))

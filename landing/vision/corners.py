@@ -8,6 +8,13 @@ from landing.options import TrackingOptions
 from landing.vision.camera import CameraModel
 from landing.vision.texture import BLOCK, MIDDLE, Tensor, block_of
 
+_SIDE = 3
+"""Side of the window a corner is found by, in blocks of the structure tensor."""
+_MAX_STD_PX = 0.4
+"""Worst predicted error of a corner's match along its weak direction."""
+_SPACING = 7
+"""Side of the square about a track, in blocks, that gets no other."""
+
 
 class Corners:
     """Finds corners in the empty cells of a grid over images of one size."""
@@ -60,16 +67,14 @@ class Corners:
         free = (~occupied).take(self._open).nonzero()[0]
         if not len(free):
             return np.empty((0, 2), np.float32)
-        side = max(1, o.corner_px // 2)
-        xx, xy, yy = (cv2.boxFilter(t, -1, (side, side)) for t in tensor)
+        xx, xy, yy = (cv2.boxFilter(t, -1, (_SIDE, _SIDE)) for t in tensor)
         difference = cv2.magnitude(cv2.addWeighted(xx, 0.5, yy, -0.5, 0), xy)
         strength = cv2.subtract(cv2.addWeighted(xx, 0.5, yy, 0.5, 0), difference)
         # not beside a track that is there already
         taken = np.zeros(strength.shape, np.uint8)
         u, v = block_of(tracked, self.camera)
         taken[v, u] = 1
-        side = 2 * (o.spacing_px // 2) + 1
-        beside = cv2.dilate(taken, np.ones((side, side), np.uint8)).view(bool)
+        beside = cv2.dilate(taken, np.ones((_SPACING, _SPACING), np.uint8)).view(bool)
         if barred is not None:
             rows, columns = strength.shape
             beside |= barred[: rows * BLOCK : BLOCK, : columns * BLOCK : BLOCK]
@@ -79,7 +84,7 @@ class Corners:
         best = among.argmax(axis=1) + np.arange(len(free)) * members.shape[1]
         value, place = among.ravel().take(best), members.ravel().take(best)
         # the match's standard deviation along the weak direction must be bearable
-        limit = (o.grey_noise / (o.window_px * o.corner_max_std_px)) ** 2
+        limit = (o.grey_noise / (o.window_px * _MAX_STD_PX)) ** 2
         found = (value > limit).nonzero()[0]
         # of tracks of one age that run into one another the first stays: let it be the one with fewer about
         held = occupied.reshape(self._rows, self._cols).astype(np.float32)

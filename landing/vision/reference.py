@@ -14,6 +14,8 @@ Points = NDArray[np.float64]
 Image = NDArray[Any]
 
 _NOTHING = np.empty((0, 0), np.uint8)
+_WARP_FROM_PX = 0.3
+"""Deformation at a patch's edge from which the picture is warped."""
 _STEP_PX = 4.0
 _BESIDE = np.array(((_STEP_PX, 0.0), (0.0, _STEP_PX)), np.float32)
 """Steps to the right and down by which a deformation is given."""
@@ -77,12 +79,12 @@ class Reference:
         """What a frame sees of it, for a homography of normalised points.
 
         ``points`` (n, 2) are the normalised places of the tracks ``slots`` in the reference, ``there`` (n, 2) px where
-        the homography takes them. Where patches deform by more than ``warp_from_px`` at their edges the picture is
+        the homography takes them. Where patches deform by more than ``_WARP_FROM_PX`` at their edges the picture is
         warped, and a warped one serves as long as they look alike to that.
         """
         beside = self._beside.take(slots, 1).reshape(-1, 2)
         deformed = self._steps(new_from_reference, beside, there)
-        limit = self.options.warp_from_px / (self.options.window_px / 2)
+        limit = _WARP_FROM_PX / (self.options.window_px / 2)
         if stretch(new_from_reference) <= limit:
             image, pixels = self.image, self.pixels.take(slots, 0)
             deformed -= _BESIDE[..., None]

@@ -28,6 +28,23 @@ Image = NDArray[Any]
 
 _CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 0.01)
 _VECTOR = 8
+"""Pixels of a row that a processor works on together."""
+_LEVELS = 3
+"""Pyramid levels above the image where no motion is predicted; where it is, the image alone is enough."""
+_RETRY_SHARE = 0.2
+"""Share of tracks lost at which a prediction counts as wrong."""
+_WARP_TRACKS = 20
+"""Fewest tracks to warp the reference image by."""
+_LEVEL_PX = 31
+"""Side of the area whose mean is taken out before tracking."""
+_CONTRAST, _MAX_GAIN = 45.0, 4.0
+"""Standard deviation of grey that images are stretched to, and the largest stretch."""
+_TWIN_PX = 5.0
+"""Tracks as near as this are one."""
+_RENEW_BELOW, _RENEW_AFTER_FRAMES, _RENEW_AFTER_CELLS = 0.75, 15, 0.3
+"""Share of tracks left, age of the reference image and motion, in cells of the grid, at which corners are added."""
+_BACK_PX = 0.3
+"""A track that does not come back to its start within this is refused (forward-backward error)."""
 _GUESS = cv2.OPTFLOW_USE_INITIAL_FLOW | cv2.OPTFLOW_LK_GET_MIN_EIGENVALS
 """Without the second flag OpenCV works out an error of each match that nobody reads: half of its time."""
 
@@ -73,8 +90,8 @@ class FeatureTracker:
         self._reference = Reference(camera, options)
         self._texture = Texture(camera, options)
         self._corners = Corners(camera, options)
-        self._twin_columns = math.ceil(camera.width / options.twin_px)
-        twin_cells = self._twin_columns * math.ceil(camera.height / options.twin_px)
+        self._twin_columns = math.ceil(camera.width / _TWIN_PX)
+        twin_cells = self._twin_columns * math.ceil(camera.height / _TWIN_PX)
         self._oldest = np.zeros(max(twin_cells, self._corners.cells), np.int64)
 
     def take_mask(self) -> None:
@@ -130,23 +147,18 @@ class FeatureTracker:
         return int(np.count_nonzero(occupied)) / len(occupied)
 
     def _prepared(self, image: Image) -> Image:
-        """The image with its local mean taken out, stretched to a fixed contrast, then blurred.
+        """The image with its local mean taken out, stretched to a fixed contrast.
 
         Lucas-Kanade takes brightness as constant. Vignetting and shading stay with the camera while the texture
         moves: a bias that grows with the way. The stretch follows exposure changes and keeps faint texture above
         the steps of eight bits.
         """
-        o = self.options
-        if o.level_px > 0:
-            side = 2 * (o.level_px // 2) + 1
-            image = self._filled(image, side)
-            image = cv2.addWeighted(image, 1.0, cv2.blur(image, (side, side)), -1.0, 128.0)
+        image = self._filled(image, _LEVEL_PX)
+        image = cv2.addWeighted(image, 1.0, cv2.blur(image, (_LEVEL_PX, _LEVEL_PX)), -1.0, 128.0)
         mean, spread = cv2.meanStdDev(image, mask=self._shown)
-        gain = min(o.contrast / max(float(spread[0, 0]), 1e-3), o.max_gain)
+        gain = min(_CONTRAST / max(float(spread[0, 0]), 1e-3), _MAX_GAIN)
         if gain != 1:
             image = cv2.convertScaleAbs(image, alpha=gain, beta=128 - gain * float(mean[0, 0]))
-        if o.blur_px > 0:
-            image = cv2.GaussianBlur(image, (5, 5), o.blur_px)
         return image
 
     def _filled(self, image: Image, side: int) -> Image:
@@ -161,22 +173,21 @@ class FeatureTracker:
         slots = self.alive.nonzero()[0]
         if not len(slots):
             return
-        o = self.options
         reference, last = self._reference, self.pixels.take(slots, 0)
         start = reference.pixels.take(slots, 0)
         new_from_reference = self._from_reference(slots, new_from_previous)
         if new_from_reference is None:
-            found, good, inside = self._match(reference.image, image, start, last, o.levels_unpredicted)
+            found, good, inside = self._match(reference.image, image, start, last, _LEVELS)
         else:
             seen = self.history[reference.frame % self.HISTORY].take(slots, 0)
             there = self.camera.project(apply(new_from_reference, seen)).astype(np.float32)
             like = reference.seen_from(slots, seen, there, new_from_reference)
-            found, good, inside = self._match(like.image, image, like.pixels, there, o.levels)
+            found, good, inside = self._match(like.image, image, like.pixels, there, 0)
             found = found - like.bias
-            if np.count_nonzero(inside > good) > o.retry_share * len(slots):
+            if np.count_nonzero(inside > good) > _RETRY_SHARE * len(slots):
                 # the prediction was wrong: search as if there were none
                 reference.forget_warp()
-                found, good, inside = self._match(reference.image, image, start, last, o.levels_unpredicted)
+                found, good, inside = self._match(reference.image, image, start, last, _LEVELS)
         self.refused += int(np.count_nonzero(inside > good))
         self.pixels[slots] = found
         if self._barred is not None:
@@ -189,7 +200,7 @@ class FeatureTracker:
         self, slots: NDArray[np.intp], new_from_previous: NDArray[np.float64] | None
     ) -> NDArray[np.float64] | None:
         """Homography to this frame from the reference: what the tracks did so far, then the prediction."""
-        if new_from_previous is None or len(slots) < self.options.warp_min_tracks:
+        if new_from_previous is None or len(slots) < _WARP_TRACKS:
             return None
         if self._reference.frame == self.frame - 1:
             return new_from_previous
@@ -217,7 +228,7 @@ class FeatureTracker:
         inside = (x > margin) & (x < self.camera.width - 1 - margin)
         inside &= y > margin
         inside &= y < self.camera.height - 1 - margin
-        good = _larger(back - start) < o.forward_backward_max_px
+        good = _larger(back - start) < _BACK_PX
         good &= inside
         good &= np.asarray(status, np.uint8).ravel().view(bool)
         good &= np.asarray(status_back, np.uint8).ravel().view(bool)
@@ -225,15 +236,14 @@ class FeatureTracker:
 
     def _changed(self) -> bool:
         """Whether so much of the view is new that corners must be added."""
-        o = self.options
         count = int(np.count_nonzero(self.alive))
-        if not count or count < o.renew_below * self._reference.count:
+        if not count or count < _RENEW_BELOW * self._reference.count:
             return True
-        if self.frame - self._reference.frame >= o.renew_after_frames:
+        if self.frame - self._reference.frame >= _RENEW_AFTER_FRAMES:
             return True
         moved = _larger((self.pixels - self._reference.pixels).compress(self.alive, 0))
         moved.partition(count // 2)
-        return float(moved[count // 2]) > o.renew_after_cells * self._corners.cell_px
+        return float(moved[count // 2]) > _RENEW_AFTER_CELLS * self._corners.cell_px
 
     def _place(self, image: Image) -> None:
         """Take this frame as the reference and put a corner into every cell that has no track."""
@@ -259,7 +269,7 @@ class FeatureTracker:
         self._keep_oldest(self._twin_cell)
 
     def _twin_cell(self, pixels: NDArray[np.float32]) -> NDArray[np.int64]:
-        place = (pixels / self.options.twin_px).astype(np.int64)
+        place = (pixels / _TWIN_PX).astype(np.int64)
         return np.asarray(place[:, 1] * self._twin_columns + place[:, 0])
 
     def _keep_oldest(self, cell_of: Callable[[NDArray[np.float32]], NDArray[np.int64]]) -> None:

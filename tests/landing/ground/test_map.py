@@ -1,6 +1,7 @@
 """The map: looks fall into the same cells wherever the vehicle is, agree or begin anew, and fade."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ def look_at(up: float = 0.0, std_m: float = 0.01, moving: bool = False, reach: f
     points = np.column_stack((x, y)) / HEIGHT
     n = len(points)
     depth = np.full(n, 1 - up / HEIGHT)
-    return ViewRelief(points, depth, np.full(n, std_m / HEIGHT), np.full(n, moving), 1.0)
+    return ViewRelief(points, depth, np.full(n, std_m / HEIGHT), np.full(n, moving), np.zeros(n, bool), 1.0)
 
 
 def looked(ground: GroundMap, relief: ViewRelief, time_s: float, way: tuple[float, float, float]) -> None:
@@ -71,10 +72,24 @@ def test_cells_move_with_the_ground_and_what_comes_into_the_grid_is_unknown(rows
         assert not ground.known.any()
 
 
+def test_a_cell_that_was_bare_more_often_than_measured_is_unknown() -> None:
+    ground = GroundMap(GroundOptions(), FOCAL_PX)
+    measured = look_at()
+    strip = np.abs(measured.points[:, 0] * HEIGHT) < 0.2
+    bare = replace(measured, depth=np.where(strip, math.nan, measured.depth), bare=strip)
+    middle = ground.cell_of(0.05, 0.05)
+    for k in range(6):
+        looked(ground, measured if k % 2 else bare, 0.1 * k, (0.0, 0.0, 0.0))
+    assert ground.known[middle]
+    looked(ground, bare, 0.6, (0.0, 0.0, 0.0))
+    assert not ground.known[middle]
+    assert ground.known[ground.cell_of(0.05, 0.45)]
+
+
 def test_one_look_is_not_enough_and_old_looks_fade() -> None:
     ground = GroundMap(GroundOptions(), FOCAL_PX)
     half = look_at()
-    half = ViewRelief(half.points, half.depth, half.std, half.moving, 0.5)
+    half = replace(half, fresh=0.5)
     looked(ground, half, 0.0, (0.0, 0.0, 0.0))
     assert not ground.known.any()
     looked(ground, half, 0.1, (0.0, 0.0, 0.0))
@@ -91,7 +106,7 @@ def test_a_look_that_differs_begins_the_cell_anew() -> None:
     box = look_at(reach=0.6)
     near = np.abs(box.points).max(axis=1) * HEIGHT < 0.2
     box.depth[near] = 1 - 0.4 / HEIGHT
-    box = ViewRelief(box.points, box.depth, box.std, box.moving, 0.5)
+    box = replace(box, fresh=0.5)
     looked(ground, box, 0.5, (0.0, 0.0, 0.0))
     middle = ground.cell_of(0.01, 0.01)
     assert not ground.known[middle]
@@ -120,7 +135,7 @@ def test_looks_that_differ_by_what_the_vehicle_can_stand_on_agree_with_a_doubt()
 def test_a_single_look_is_seen_and_not_known() -> None:
     ground = GroundMap(GroundOptions(), FOCAL_PX)
     half = look_at()
-    looked(ground, ViewRelief(half.points, half.depth, half.std, half.moving, 0.4), 0.0, (0.0, 0.0, 0.0))
+    looked(ground, replace(half, fresh=0.4), 0.0, (0.0, 0.0, 0.0))
     middle = ground.cell_of(0.01, 0.01)
     assert ground.seen[middle]
     assert not ground.known[middle]
@@ -133,7 +148,7 @@ def test_what_moves_makes_the_ground_under_it_unknown() -> None:
     for k in range(4):
         looked(ground, look_at(), 0.1 * k, (0.0, 0.0, 0.0))
     seen = look_at(moving=True, reach=0.2)
-    nothing = ViewRelief(seen.points, seen.depth * math.nan, seen.std, seen.moving, 1.0)
+    nothing = replace(seen, depth=seen.depth * math.nan)
     looked(ground, nothing, 0.5, (0.0, 0.0, 0.0))
     assert not ground.known[ground.cell_of(0.01, 0.01)]
     assert ground.known[ground.cell_of(0.45, 0.45)]

@@ -72,7 +72,7 @@ def test_beside_the_edge_of_smooth_ground_only_the_edge_is_seen(grey: float) -> 
     """The window of a match holds texture from beyond the edge; a part of a block shows none of its own."""
     relief = looked(Scene((Patch(0.1, 0.0, 0.7, 0.7, 0.0, smooth=True, grey=grey),)))
     north, east = places(relief)
-    edge_m = 1.25 * PART / CAMERA.focal_px * HEIGHT
+    edge_m = 0.75 * PART / CAMERA.focal_px * HEIGHT
     inside = (np.abs(north - 0.1) < 0.35 - edge_m) & (np.abs(east) < 0.35 - edge_m)
     assert inside.sum() >= 50
     assert relief.known[inside].mean() < 0.02

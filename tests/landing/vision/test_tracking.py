@@ -6,6 +6,7 @@ import pytest
 
 from drivers.simulated.world.textures import texture
 from landing.options import EstimatorOptions, TrackingOptions
+from landing.vision import tracking
 from landing.vision.camera import CameraModel
 from landing.vision.corners import Corners
 from landing.vision.texture import structure_tensor
@@ -187,9 +188,12 @@ def test_faint_things_on_strong_texture_hold_tracks(ground: np.ndarray):
     assert min(held) > 0.5 * ((high - low) / SIZE) ** 2
 
 
-def test_of_tracks_that_run_into_one_another_the_oldest_is_kept(ground: np.ndarray):
+def test_of_tracks_that_run_into_one_another_the_oldest_is_kept(
+    ground: np.ndarray, monkeypatch: pytest.MonkeyPatch
+):
     """Twins are looked for as the reference is renewed: then one old track is left of those within 50 pixels."""
-    found = tracker(twin_px=50.0)
+    monkeypatch.setattr(tracking, "_TWIN_PX", 50.0)
+    found = tracker()
     for k in range(8):
         found.step(picture(ground, 8.0 * k, 0))
     old = found.alive & (found.born < found._reference.frame)
