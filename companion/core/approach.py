@@ -104,7 +104,7 @@ class Approach:
         self._ground, self._consent = ground, consent
         self._decision = settings.decision
         self._level, self._lean = GroundLevel(), Lean()
-        self._spots_s = -math.inf
+        self._spots_s, self._yaw = -math.inf, math.nan
         self._local: tuple[int, Vector] | None = None
         self._reported: Step | None = None
 
@@ -114,8 +114,13 @@ class Approach:
         step = self._reported
         if step is None:
             return None
-        spot = step.spot_ned
-        vehicle = self._ground.sight.place_ned
+        vehicle, spot = self._ground.sight.place_ned, step.spot_ned
+        north = east = ahead = right = None
+        if spot is not None:
+            north, east = round(spot[0] - vehicle[0], 3), round(spot[1] - vehicle[1], 3)
+            cos, sin = math.cos(self._yaw), math.sin(self._yaw)
+            if math.isfinite(cos):
+                ahead, right = round(cos * north + sin * east, 3), round(cos * east - sin * north, 3)
         return ProcedureState(
             kind=self.kind,
             state=step.state.value,
@@ -123,8 +128,10 @@ class Approach:
             text=step.words,
             order=step.order.kind.value,
             velocity_ned=_rounded(step.order.velocity_ned) if step.order.kind is OrderKind.VELOCITY else None,
-            spot_north_m=None if spot is None else round(spot[0] - vehicle[0], 3),
-            spot_east_m=None if spot is None else round(spot[1] - vehicle[1], 3),
+            spot_north_m=north,
+            spot_east_m=east,
+            spot_ahead_m=ahead,
+            spot_right_m=right,
         )
 
     def locate(self, position_ned: Vector, now_us: int) -> None:
@@ -138,6 +145,7 @@ class Approach:
         ground, sight, local = self._ground, self._ground.sight, self._fresh_local(now_us)
         velocity = None if sight.velocity_ned is None else np.array(sight.velocity_ned)
         self._lean.step(estimate.time_s, attitude, velocity)
+        self._yaw = math.nan if attitude is None else euler_from_matrix(attitude)[2]
         spots = None
         if self._machine.wants_spots and estimate.time_s - self._spots_s >= SPOTS_EVERY_S:
             self._spots_s, spots = estimate.time_s, ground.spots(self._lean.drift_m)
@@ -157,7 +165,7 @@ class Approach:
             place_ned=sight.place_ned,
             local_ned=local,
             velocity_ned=sight.velocity_ned if local is not None else None,
-            yaw=math.nan if attitude is None else euler_from_matrix(attitude)[2],
+            yaw=self._yaw,
             height_m=height_m,
             clear_m=clear * height_m,
             approach=sight.approach,
