@@ -42,7 +42,8 @@ class Targeting:
         """Take a frame; times must rise."""
         before = self.state, self.why
         order = self._aim(i) if i.landing else self._wait()
-        return Step(order, self.state, self.why, (self.state, self.why) != before, self._choice.spot_ned)
+        changed = (self.state, self.why) != before
+        return Step(order, self.state, self.why, changed, self._choice.spot_ned, place_ned=i.place_ned)
 
     def watch(
         self, time_s: float, objections: tuple[Withheld, ...], mode: str | None, quiet: bool
