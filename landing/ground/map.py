@@ -30,6 +30,9 @@ _DISAGREE = 3.0
 """Standard deviations by which a look must differ from what was known for the cell to begin anew."""
 _SEEN = 0.2
 """Looks, in baselines, from which a cell has a height at all."""
+_MEASURED = 0.25
+"""Looks that measured a cell over those that found it bare, at least: a narrow ditch shows its edges, faint texture
+shows itself now and then."""
 _LEVEL_CELLS = 12
 """Cells seen again from which a look is levelled with the map."""
 
@@ -59,10 +62,10 @@ class GroundMap:
 
     @property
     def known(self) -> NDArray[np.bool_]:
-        """Cells (rows, columns) that are measured well enough and not long ago, and no less often than bare."""
+        """Cells (rows, columns) that are measured well enough and not long ago, and not bare in most looks."""
         o = self.options
         sure = self.variance <= (o.max_step_m / 2) ** 2
-        return np.asarray(sure & (self.looks >= np.maximum(self.bare, o.min_looks)))
+        return np.asarray(sure & (self.looks >= np.maximum(_MEASURED * self.bare, o.min_looks)))
 
     @property
     def seen(self) -> NDArray[np.bool_]:

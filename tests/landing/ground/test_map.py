@@ -72,17 +72,16 @@ def test_cells_move_with_the_ground_and_what_comes_into_the_grid_is_unknown(rows
         assert not ground.known.any()
 
 
-def test_a_cell_that_was_bare_more_often_than_measured_is_unknown() -> None:
-    ground = GroundMap(GroundOptions(), FOCAL_PX)
+@pytest.mark.parametrize(("every", "known"), [(2, True), (3, True), (8, False)])
+def test_a_cell_that_is_bare_in_most_looks_is_unknown(every: int, known: bool) -> None:
+    ground = GroundMap(GroundOptions(memory_s=1e9), FOCAL_PX)
     measured = look_at()
     strip = np.abs(measured.points[:, 0] * HEIGHT) < 0.2
     bare = replace(measured, depth=np.where(strip, math.nan, measured.depth), bare=strip)
-    middle = ground.cell_of(0.05, 0.05)
-    for k in range(6):
-        looked(ground, measured if k % 2 else bare, 0.1 * k, (0.0, 0.0, 0.0))
-    assert ground.known[middle]
-    looked(ground, bare, 0.6, (0.0, 0.0, 0.0))
-    assert not ground.known[middle]
+    for k in range(24):
+        looked(ground, bare if k % every else measured, 0.1 * k, (0.0, 0.0, 0.0))
+    assert ground.looks[ground.cell_of(0.05, 0.05)] >= GroundOptions().min_looks
+    assert ground.known[ground.cell_of(0.05, 0.05)] == known
     assert ground.known[ground.cell_of(0.05, 0.45)]
 
 
