@@ -1,6 +1,7 @@
 """Dense relief on scenes of known heights: boxes and pits are found, and what is not seen is unknown, never even."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -151,11 +152,9 @@ def test_without_motion_there_is_no_height() -> None:
 def test_a_look_that_is_too_uncertain_asks_for_a_longer_baseline_and_a_sure_one_for_the_usual() -> None:
     relief = DenseRelief(GroundOptions(), CAMERA)
     usual_px = relief.target_px
-    uncertain, sure = (
-        ViewRelief(np.zeros((4, 2)), np.ones(4), np.full(4, std), np.zeros(4, bool), 1.0)
-        for std in (0.012, 0.001)
-    )
-    nothing = ViewRelief(np.zeros((4, 2)), np.full(4, math.nan), np.full(4, 9.0), np.zeros(4, bool), 1.0)
+    seen = looked(Scene())
+    uncertain, sure = (replace(seen, std=np.full_like(seen.std, std)) for std in (0.012, 0.001))
+    nothing = replace(seen, depth=np.full_like(seen.depth, math.nan))
     for _ in range(30):
         relief.ask_for(nothing, 0.006)
     assert relief.target_px == usual_px
