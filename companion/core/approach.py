@@ -41,7 +41,7 @@ VELOCITY_MAX_AGE_S = 0.5
 NEAR_M = 0.8
 """Ground so near, and as far as it flies in a second, is flown over with room."""
 MOVES_SIGMAS = 2.0
-"""Standard deviations by which the ground must be faster than is landed on, for it to move plainly."""
+"""Standard deviations by which the ground must be faster than is landed on, for it to move clearly."""
 BESIDE_M = 0.1
 """Ground beside the disc that the view must hold as well."""
 

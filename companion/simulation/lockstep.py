@@ -221,7 +221,7 @@ class _Flight:
             self._watch_fit(number, due_s, every / camera.rate_hz)
 
     def _watch_fit(self, number: int, time_s: float, period_s: float) -> None:
-        """How long plainly fit ground has been in view with the pilot's consent."""
+        """How long clearly fit ground has been in view with the pilot's consent."""
         result = self.result
         truth = self._scene.truth(number, time_s)
         word = fitness(truth, self._limit_deg)

@@ -162,7 +162,7 @@ class DenseRelief:
         weight = plane.weights(len(views.tracker.alive)).take(tracks.slots)
         noise = plane.noise if math.isfinite(plane.noise) else 1.0
         over = OverPlane(tracks.new, derotated, plane.normal, tracks.whitener, turns=True)
-        found = over.displacement(weight, np.full(3, views.baseline_std(gap) / (2 * noise)))
+        found = over.displacement(weight, views.baseline_std(gap) / (2 * noise))
         if found is None:
             return None
         return found[0][0, :3], rotation @ exp_so3(found[0][0, 3:])

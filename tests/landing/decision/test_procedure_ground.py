@@ -4,7 +4,8 @@ import math
 from dataclasses import replace
 
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 from procedure_flight import DT, HERE, OPTIONS, Flight
 
@@ -111,7 +112,7 @@ def test_over_ground_that_is_not_known_to_be_at_rest_it_does_not_come_down():
     assert step.why is Why.GROUND_MAY_MOVE
 
 
-@settings(deadline=None, max_examples=60)
+@examples(60)
 @given(
     st.floats(0, 2 * math.pi),
     st.floats(0.2, 1.5),
