@@ -189,6 +189,7 @@ RULES = [
     ({"vehicle": "fixed_wing"}, "no multicopter or helicopter: fixed_wing"),
     ({"vehicle": "vtol"}, "the VTOL is not known to hover"),
     ({"stale": ("attitude", "frames")}, "stale inputs: attitude, frames"),
+    ({"attitude_missing": True}, "the frames have no attitude"),
     ({"two_vehicles": True}, "two vehicles on the link, set vehicle.system_id"),
     ({"calibrated": False}, "the camera is not calibrated"),
     ({"command_busy": True}, "a command is under way"),
