@@ -29,7 +29,6 @@ from landing.ground.spots import Disc
 from landing.observation import Observation
 from landing.options import DecisionOptions, Options
 from landing.pipeline import SurfacePipeline
-from landing.rotations import euler_from_matrix
 from landing.vision.camera import CameraModel
 
 
@@ -246,7 +245,7 @@ class Core:
         out.append(Processed(frame, estimate, self._camera.mask))
         out += self._ground.step(estimate, ready.exposure_us, boot_s)
         self._seen = ready.time_us, self._sync.now_us
-        out += self._logic.see(estimate, self._sync.now_us, ready.exposure_us, _yaw(observation))
+        out += self._logic.see(estimate, self._sync.now_us, ready.exposure_us, observation.ned_from_body)
 
     def _watch_attitude(self, ready: ReadyFrame, out: list[Output]) -> None:
         """Report when frames begin to lack an attitude, and when they have one again."""
@@ -328,11 +327,6 @@ class Core:
         self._health.masked = self._masked.share
         self._health.readout_unknown = self._health.telemetry and self._times.readout_unknown
         out.append(self._health.message(now_us, raw_us, clocks))
-
-
-def _yaw(observation: Observation) -> float:
-    attitude = observation.ned_from_body
-    return math.nan if attitude is None else euler_from_matrix(attitude)[2]
 
 
 def _words(name: str) -> str:

@@ -225,6 +225,20 @@ def test_spots_keep_away_from_hazards_and_from_the_unknown() -> None:
     assert all(spot.east_m >= 0.2 + spot.radius_m + 0.5 for spot in nearer)
 
 
+def test_in_wind_spots_keep_farther_from_a_hazard_downwind() -> None:
+    ground = measured()
+    steep = 0.5 * np.arange(CELLS)[:, None]
+    for hazard in (slice(0, MIDDLE - 14), slice(MIDDLE + 15, CELLS)):
+        ground.height[hazard] = steep[hazard]
+    discs = Discs(ground, OPTIONS, 0.3, 0.1)
+    calm, *_ = discs.spots(ground, 0.0)
+    assert calm.north_m == pytest.approx(0.0, abs=CELL_M)
+    for wind in (1.0, -1.0):
+        blown, *_ = discs.spots(ground, 0.0, (0.4 * wind, 0.0))
+        assert blown.north_m == pytest.approx(calm.north_m - 0.2 * wind, abs=CELL_M)
+        assert blown.clearance_m < calm.clearance_m
+
+
 def test_the_way_to_the_stopping_point_is_as_good_as_its_worst_disc() -> None:
     ground = measured()
     ground.height[MIDDLE + 15 :] = -3.0
