@@ -69,13 +69,16 @@ _FIXED_ESTIMATOR = (
     "quadratic_min_divergence",
 )
 
+_DROP_OFF = Moved(why="step edges at a side are found by the border and the ground map")
+
 MOVED: dict[str, Moved] = {
     **{f"tracking.{name}": _FIXED for name in _FIXED_TRACKING},
     **{f"estimator.{name}": _FIXED for name in _FIXED_ESTIMATOR},
+    "estimator.border_unlike": Moved("estimator.appearance_change"),
+    "estimator.border_unlike_sigmas": Moved("estimator.appearance_change_sigmas"),
     **{
-        f"estimator.brink_{name}": Moved(
-            why="step edges at a side are found by the border and the ground map"
-        )
+        f"estimator.{old}_{name}": _DROP_OFF
+        for old in ("brink", "drop_off")
         for name in ("sigmas", "floor", "tracks", "share")
     },
     "tracking.blur_px": Moved(why="pictures are not blurred before tracking"),

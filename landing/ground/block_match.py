@@ -7,6 +7,7 @@ moves as whatever in the window has texture. Where a part of it shows none of it
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import cv2
@@ -39,7 +40,9 @@ _TAPER = np.array((0.25, 0.5, 0.25), np.float32)
 class Match:
     """Motion along and across the parallax (n,) px with its standard deviations; whether the search has ended.
 
-    ``seen`` (rows, columns) tells of the blocks' parts which have texture of their own.
+    Of the blocks' parts (rows, columns): ``seen``, those with texture of their own beyond the noise of their window;
+    ``bare``, those with none beyond the noise of the whole picture; ``aside_px`` (rows, columns, 2), where in the part
+    its texture is, from its middle.
     """
 
     along_px: Array
@@ -48,6 +51,8 @@ class Match:
     across_std_px: Array
     converged: NDArray[np.bool_]
     seen: NDArray[np.bool_]
+    bare: NDArray[np.bool_]
+    aside_px: Array
 
 
 def match(new: Image, aligned: Image, flow: Array, along: Array) -> Match:
@@ -68,13 +73,14 @@ def match(new: Image, aligned: Image, flow: Array, along: Array) -> Match:
         return cv2.multiply(first[a], second[b], scale=1 / 64, dtype=cv2.CV_32F)
 
     in_x, in_y = common(0, 0), common(1, 1)
-    own = _means(cv2.add(in_x, in_y), PART)
+    energy = cv2.add(in_x, in_y)
+    own = _means(energy, PART)
     # means of the derivatives (weights over eight) and of the difference
     mean = [[_windows(g) / 8 for g in gradient] for gradient in (first, second)]
     both = [0.5 * (a + b) for a, b in zip(*mean, strict=True)]
     offset = _windows(residual)
     xx, yy = (_windows(g) - mean[0][k] * mean[1][k] for k, g in enumerate((in_x, in_y)))
-    xy = 0.5 * (_windows(common(0, 1)) + _windows(common(1, 0)))
+    xy = _windows(cv2.addWeighted(common(0, 1), 0.5, common(1, 0), 0.5, 0.0))
     xy -= 0.5 * (mean[0][0] * mean[1][1] + mean[0][1] * mean[1][0])
     right_x, right_y = (
         _windows(cv2.multiply(g, residual)) - both[k] * offset for k, g in enumerate((mean_x, mean_y))
@@ -101,10 +107,34 @@ def match(new: Image, aligned: Image, flow: Array, along: Array) -> Match:
     rows, columns = new.shape[0] // BLOCK, new.shape[1] // BLOCK
     own_doubt = _SIGNIFICANT * _SOBEL_NOISE * math.sqrt(2 / (_INDEPENDENT * PART**2)) * noise
     seen = own > in_parts(own_doubt, rows, columns)
+    # a window that does not match is noisy, and not bare for that
+    bare = own <= float(np.median(own_doubt))
     converged = (texture > doubt) & (np.abs(step) <= STEP_PX) & np.isfinite(step)
     return Match(
-        flow_along + step, std, np.where(np.isfinite(across), across, 0.0), across_std, converged, seen
+        flow_along + step,
+        std,
+        np.where(np.isfinite(across), across, 0.0),
+        across_std,
+        converged,
+        seen,
+        bare,
+        _aside(energy),
     )
+
+
+def _aside(energy: Image) -> Array:
+    """Mean place (rows, columns, 2) px of each part's gradient energy, from the part's middle."""
+    energy = np.maximum(energy, np.float32(1e-6))
+    whole = _means(energy, PART)
+    moments = [_means(cv2.multiply(energy, places), PART) / whole for places in _in_part(*energy.shape)]
+    return np.stack(moments, axis=-1).astype(np.float64)
+
+
+@cache
+def _in_part(height: int, width: int) -> tuple[Image, Image]:
+    """Places x and y (height, width) px of the pixels of a picture from the middle of their part."""
+    step = np.arange(PART, dtype=np.float32) - (PART - 1) / 2
+    return np.tile(step, (height, width // PART)), np.tile(step[:, None], (height // PART, width))
 
 
 def in_parts(of_blocks: NDArray[Any], rows: int, columns: int) -> NDArray[Any]:

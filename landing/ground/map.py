@@ -30,13 +30,16 @@ _DISAGREE = 3.0
 """Standard deviations by which a look must differ from what was known for the cell to begin anew."""
 _SEEN = 0.2
 """Looks, in baselines, from which a cell has a height at all."""
+_MEASURED = 0.25
+"""Looks that measured a cell over those that found it bare, at least: a narrow ditch shows its edges, faint texture
+shows itself now and then."""
 _LEVEL_CELLS = 12
 """Cells seen again from which a look is levelled with the map."""
 
 
 class GroundMap:
-    """Cells (rows, columns): ``height`` m, ``variance`` m^2, ``looks`` (independent ones, fading), ``seen_s``,
-    ``disputed`` (share of the recent looks that differ beyond their noise)."""
+    """Cells (rows, columns): ``height`` m, ``variance`` m^2, ``looks`` (independent ones, fading), ``bare`` (looks that
+    found no texture, fading), ``seen_s``, ``disputed`` (share of the recent looks that differ beyond their noise)."""
 
     def __init__(self, options: GroundOptions, focal_px: float) -> None:
         self.options, self._focal_px = options, focal_px
@@ -44,6 +47,7 @@ class GroundMap:
         self.height = np.zeros(shape)
         self.variance = np.full(shape, math.inf)
         self.looks = np.zeros(shape)
+        self.bare = np.zeros(shape)
         self.seen_s = np.full(shape, -math.inf)
         self.disputed = np.zeros(shape)
         self.place = np.zeros(3)
@@ -58,10 +62,10 @@ class GroundMap:
 
     @property
     def known(self) -> NDArray[np.bool_]:
-        """Cells (rows, columns) that are measured well enough and not long ago."""
+        """Cells (rows, columns) that are measured well enough and not long ago, and not bare in most looks."""
         o = self.options
         sure = self.variance <= (o.max_step_m / 2) ** 2
-        return np.asarray(sure & (self.looks >= o.min_looks))
+        return np.asarray(sure & (self.looks >= np.maximum(_MEASURED * self.bare, o.min_looks)))
 
     @property
     def seen(self) -> NDArray[np.bool_]:
@@ -78,6 +82,7 @@ class GroundMap:
     def forget(self) -> None:
         """Nothing is known: the place is lost, or metres are."""
         self.looks[:] = 0.0
+        self.bare[:] = 0.0
         self.variance[:] = math.inf
         self.disputed[:] = 0.0
 
@@ -90,24 +95,33 @@ class GroundMap:
         else:
             self.place += (way_ned[0], way_ned[1], -way_ned[2])
         if interval_s > 0:
-            self.looks *= math.exp(-interval_s / self.options.memory_s)
+            left = math.exp(-interval_s / self.options.memory_s)
+            self.looks *= left
+            self.bare *= left
             self.variance += _CHANGE_STD_M**2 * interval_s
         self._follow()
 
+    def resolution(self, distance_m: float) -> float:
+        """Side of a cell at the plane's distance along the axis, normalised; NaN where a look would be of no use."""
+        fine = PART * distance_m <= _COARSEST * CELL_M * self._focal_px
+        return CELL_M / distance_m if fine and distance_m > 0 else math.nan
+
     def look(self, relief: ViewRelief, ned_from_camera: Array, distance_m: float) -> None:
         """Take one look. ``distance_m`` is the plane's along the axis."""
-        footprint_m = PART * distance_m / self._focal_px
-        parts = max(1, math.ceil(footprint_m / CELL_M))
-        if parts > _COARSEST:
+        if self._footprint_m(relief, distance_m) > _COARSEST * CELL_M:
             return
-        self._refuse(relief, ned_from_camera, distance_m, parts, footprint_m)
+        # cells under what moves by itself are not known
+        moving = self._under(relief, relief.moving, ned_from_camera, distance_m)
+        self.looks.ravel()[moving] = 0.0
+        self.disputed.ravel()[moving] = 1.0
+        self.bare.ravel()[self._under(relief, relief.bare, ned_from_camera, distance_m)] += relief.fresh
         known = relief.known.nonzero()[0]
         if not len(known):
             return
         depth = relief.depth[known]
         north, east, up = self._places(relief.points[known], depth, ned_from_camera, distance_m)
         std = relief.std[known] * distance_m
-        index, source = self._cells(north, east, parts, footprint_m)
+        index, source = self._cells(north, east, self._footprint_m(relief, distance_m))
         information = (1.0 / (std * std))[source]
         size = CELLS * CELLS
         count = np.bincount(index, minlength=size)
@@ -117,19 +131,22 @@ class GroundMap:
         variance = count[seen] / total[seen]
         self._fuse(seen, height, variance, relief.fresh)
 
-    def _refuse(
-        self, relief: ViewRelief, ned_from_camera: Array, distance_m: float, parts: int, footprint_m: float
-    ) -> None:
-        """Cells under what moves by itself are not known."""
-        moving = relief.moving.nonzero()[0]
-        if not len(moving):
-            return
-        north, east, _ = self._places(
-            relief.points[moving], np.ones(len(moving)), ned_from_camera, distance_m
-        )
-        index, _ = self._cells(north, east, parts, footprint_m)
-        self.looks.ravel()[index] = 0.0
-        self.disputed.ravel()[index] = 1.0
+    def _under(
+        self, relief: ViewRelief, which: NDArray[np.bool_], ned_from_camera: Array, distance_m: float
+    ) -> NDArray[np.intp]:
+        """Flat indices of the cells under parts (n,) of a look that have no height of their own.
+
+        A cell may occur more than once, which numpy's indexed assignments take as once.
+        """
+        points = relief.points[which]
+        if not len(points):
+            return np.empty(0, np.intp)
+        north, east, _ = self._places(points, np.ones(len(points)), ned_from_camera, distance_m)
+        return self._cells(north, east, self._footprint_m(relief, distance_m))[0]
+
+    def _footprint_m(self, relief: ViewRelief, distance_m: float) -> float:
+        """Side of a part of a look on the plane at this distance."""
+        return relief.reduction * PART * distance_m / self._focal_px
 
     def _places(
         self, points: Array, depth: Array, ned_from_camera: Array, distance_m: float
@@ -140,9 +157,10 @@ class GroundMap:
         return self.place[0] + north, self.place[1] + east, self.place[2] - down
 
     def _cells(
-        self, north: Array, east: Array, parts: int, footprint_m: float
+        self, north: Array, east: Array, footprint_m: float
     ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Flat indices (k,) of the cells under parts of that footprint, and the part of each."""
+        parts = max(1, math.ceil(footprint_m / CELL_M))
         steps = (np.arange(parts) - (parts - 1) / 2) * (footprint_m / parts)
         down, across = (part.ravel() for part in np.meshgrid(steps, steps, indexing="ij"))
         row = np.floor((north[:, None] + down) / CELL_M).astype(np.int64) - self._corner[0]
@@ -189,6 +207,7 @@ class GroundMap:
             (self.height, 0.0),
             (self.variance, math.inf),
             (self.looks, 0.0),
+            (self.bare, 0.0),
             (self.seen_s, -math.inf),
             (self.disputed, 0.0),
         ):

@@ -1,10 +1,12 @@
 """The map: looks fall into the same cells wherever the vehicle is, agree or begin anew, and fade."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from landing.ground.map import CELL_M, CELLS, GroundMap
@@ -23,7 +25,7 @@ def look_at(up: float = 0.0, std_m: float = 0.01, moving: bool = False, reach: f
     points = np.column_stack((x, y)) / HEIGHT
     n = len(points)
     depth = np.full(n, 1 - up / HEIGHT)
-    return ViewRelief(points, depth, np.full(n, std_m / HEIGHT), np.full(n, moving), 1.0)
+    return ViewRelief(points, depth, np.full(n, std_m / HEIGHT), np.full(n, moving), np.zeros(n, bool), 1.0)
 
 
 def looked(ground: GroundMap, relief: ViewRelief, time_s: float, way: tuple[float, float, float]) -> None:
@@ -41,7 +43,7 @@ def test_looks_from_elsewhere_fall_into_the_same_cells() -> None:
     assert ground.disputed.max() == 0.0
 
 
-@settings(deadline=None, max_examples=25)
+@examples(25)
 @given(north=st.floats(-40, 40), east=st.floats(-40, 40), up=st.floats(-3, 3))
 def test_the_map_is_the_same_wherever_it_was_begun(north: float, east: float, up: float) -> None:
     ground = GroundMap(GroundOptions(), FOCAL_PX)
@@ -55,7 +57,7 @@ def test_the_map_is_the_same_wherever_it_was_begun(north: float, east: float, up
     assert ground.height[row, column] == pytest.approx(up - HEIGHT, abs=1e-6)
 
 
-@settings(deadline=None, max_examples=25)
+@examples(25)
 @given(rows=st.integers(-300, 300), columns=st.integers(-300, 300))
 def test_cells_move_with_the_ground_and_what_comes_into_the_grid_is_unknown(rows: int, columns: int) -> None:
     ground = GroundMap(GroundOptions(), FOCAL_PX)
@@ -71,10 +73,23 @@ def test_cells_move_with_the_ground_and_what_comes_into_the_grid_is_unknown(rows
         assert not ground.known.any()
 
 
+@pytest.mark.parametrize(("every", "known"), [(2, True), (3, True), (8, False)])
+def test_a_cell_that_is_bare_in_most_looks_is_unknown(every: int, known: bool) -> None:
+    ground = GroundMap(GroundOptions(memory_s=1e9), FOCAL_PX)
+    measured = look_at()
+    strip = np.abs(measured.points[:, 0] * HEIGHT) < 0.2
+    bare = replace(measured, depth=np.where(strip, math.nan, measured.depth), bare=strip)
+    for k in range(24):
+        looked(ground, bare if k % every else measured, 0.1 * k, (0.0, 0.0, 0.0))
+    assert ground.looks[ground.cell_of(0.05, 0.05)] >= GroundOptions().min_looks
+    assert ground.known[ground.cell_of(0.05, 0.05)] == known
+    assert ground.known[ground.cell_of(0.05, 0.45)]
+
+
 def test_one_look_is_not_enough_and_old_looks_fade() -> None:
     ground = GroundMap(GroundOptions(), FOCAL_PX)
     half = look_at()
-    half = ViewRelief(half.points, half.depth, half.std, half.moving, 0.5)
+    half = replace(half, fresh=0.5)
     looked(ground, half, 0.0, (0.0, 0.0, 0.0))
     assert not ground.known.any()
     looked(ground, half, 0.1, (0.0, 0.0, 0.0))
@@ -91,7 +106,7 @@ def test_a_look_that_differs_begins_the_cell_anew() -> None:
     box = look_at(reach=0.6)
     near = np.abs(box.points).max(axis=1) * HEIGHT < 0.2
     box.depth[near] = 1 - 0.4 / HEIGHT
-    box = ViewRelief(box.points, box.depth, box.std, box.moving, 0.5)
+    box = replace(box, fresh=0.5)
     looked(ground, box, 0.5, (0.0, 0.0, 0.0))
     middle = ground.cell_of(0.01, 0.01)
     assert not ground.known[middle]
@@ -120,7 +135,7 @@ def test_looks_that_differ_by_what_the_vehicle_can_stand_on_agree_with_a_doubt()
 def test_a_single_look_is_seen_and_not_known() -> None:
     ground = GroundMap(GroundOptions(), FOCAL_PX)
     half = look_at()
-    looked(ground, ViewRelief(half.points, half.depth, half.std, half.moving, 0.4), 0.0, (0.0, 0.0, 0.0))
+    looked(ground, replace(half, fresh=0.4), 0.0, (0.0, 0.0, 0.0))
     middle = ground.cell_of(0.01, 0.01)
     assert ground.seen[middle]
     assert not ground.known[middle]
@@ -133,7 +148,7 @@ def test_what_moves_makes_the_ground_under_it_unknown() -> None:
     for k in range(4):
         looked(ground, look_at(), 0.1 * k, (0.0, 0.0, 0.0))
     seen = look_at(moving=True, reach=0.2)
-    nothing = ViewRelief(seen.points, seen.depth * math.nan, seen.std, seen.moving, 1.0)
+    nothing = replace(seen, depth=seen.depth * math.nan)
     looked(ground, nothing, 0.5, (0.0, 0.0, 0.0))
     assert not ground.known[ground.cell_of(0.01, 0.01)]
     assert ground.known[ground.cell_of(0.45, 0.45)]
