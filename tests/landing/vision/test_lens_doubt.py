@@ -59,7 +59,7 @@ def test_a_wrong_lens_bends_slopes_within_what_the_fit_says(usual: bool) -> None
     old = there[:, :2] / there[:, 2:]
     pixels_old = stated.project(old)
     whitener = np.stack((np.full(120, 318 / 0.05), np.zeros(120), np.full(120, 318 / 0.05)))
-    prior = FitPrior(np.full(3, 5e-4), OPTIONS.slope_std)
+    prior = FitPrior(np.full(3, 5e-4))
 
     def fitted(seen: CameraModel) -> tuple[float, float]:
         fit = fit_plane(
