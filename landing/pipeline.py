@@ -167,7 +167,7 @@ class SurfacePipeline:
         """The pictures' motion against the gyro's and the autopilot's."""
         rotation, chi2 = (0.0, 0), math.nan
         if self.options.estimator.use_attitude:
-            rotation = self.turn_comparison.step(self.views, self.time_offset.std_s)
+            rotation = self.turn_comparison.step(self.views, self.time_offset.std_s, plane)
         ned_from_camera = self.views.newest.ned_from_camera
         if observation.velocity_ned is not None and ned_from_camera is not None and plane.status == "ok":
             velocity = ned_from_camera.T @ observation.velocity_ned

@@ -128,18 +128,8 @@ def resized(material: Material, width: int, height: int) -> Material:
     camera = material.camera
     if (width, height) == (camera.width, camera.height):
         return material
-    sx, sy = width / camera.width, height / camera.height
-    # the middle of the first pixel is (0, 0)
-    scaled = np.array(((sx, 0, (sx - 1) / 2), (0, sy, (sy - 1) / 2), (0, 0, 1)))
-    model = CameraModel(
-        width,
-        height,
-        scaled @ camera.matrix,
-        camera.distortion,
-        camera.body_from_camera,
-        equidistant=camera.equidistant,
-    )
-    how = cv2.INTER_AREA if sx < 1 else cv2.INTER_CUBIC
+    model = camera.resized(width, height)
+    how = cv2.INTER_AREA if width < camera.width else cv2.INTER_CUBIC
     images = (cv2.resize(o.image, (width, height), interpolation=how) for o in material.observations)
     observations = [
         replace(o, image=np.asarray(image, np.uint8))

@@ -7,6 +7,7 @@ moves as whatever in the window has texture. Where a part of it shows none of it
 
 import math
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import cv2
@@ -79,7 +80,7 @@ def match(new: Image, aligned: Image, flow: Array, along: Array) -> Match:
     both = [0.5 * (a + b) for a, b in zip(*mean, strict=True)]
     offset = _windows(residual)
     xx, yy = (_windows(g) - mean[0][k] * mean[1][k] for k, g in enumerate((in_x, in_y)))
-    xy = 0.5 * (_windows(common(0, 1)) + _windows(common(1, 0)))
+    xy = _windows(cv2.addWeighted(common(0, 1), 0.5, common(1, 0), 0.5, 0.0))
     xy -= 0.5 * (mean[0][0] * mean[1][1] + mean[0][1] * mean[1][0])
     right_x, right_y = (
         _windows(cv2.multiply(g, residual)) - both[k] * offset for k, g in enumerate((mean_x, mean_y))
@@ -124,13 +125,16 @@ def match(new: Image, aligned: Image, flow: Array, along: Array) -> Match:
 def _aside(energy: Image) -> Array:
     """Mean place (rows, columns, 2) px of each part's gradient energy, from the part's middle."""
     energy = np.maximum(energy, np.float32(1e-6))
-    height, width = energy.shape
-    x = np.tile(np.arange(PART, dtype=np.float32) - (PART - 1) / 2, (height, width // PART))
-    y = np.tile((np.arange(PART, dtype=np.float32) - (PART - 1) / 2)[:, None], (height // PART, width))
     whole = _means(energy, PART)
-    return np.stack([_means(cv2.multiply(energy, k), PART) / whole for k in (x, y)], axis=-1).astype(
-        np.float64
-    )
+    moments = [_means(cv2.multiply(energy, places), PART) / whole for places in _in_part(*energy.shape)]
+    return np.stack(moments, axis=-1).astype(np.float64)
+
+
+@cache
+def _in_part(height: int, width: int) -> tuple[Image, Image]:
+    """Places x and y (height, width) px of the pixels of a picture from the middle of their part."""
+    step = np.arange(PART, dtype=np.float32) - (PART - 1) / 2
+    return np.tile(step, (height, width // PART)), np.tile(step[:, None], (height // PART, width))
 
 
 def in_parts(of_blocks: NDArray[Any], rows: int, columns: int) -> NDArray[Any]:

@@ -122,8 +122,8 @@ class Ground:
         elif observation.velocity_ned is not None:
             way = observation.velocity_ned * interval_s
         self.map.move(observation.time_s, way if math.isfinite(interval_s) else np.zeros(3))
-        relief = self.relief.step(views, plane, observation.image)
-        if relief is None or ned_from_camera is None or not math.isfinite(distance_m):
+        relief = self.relief.step(views, plane, observation.image, self.map.resolution(distance_m))
+        if relief is None or ned_from_camera is None:
             return
         self.map.look(relief, ned_from_camera, distance_m)
         self.relief.ask_for(relief, self.options.max_step_m / 2 / distance_m)

@@ -101,10 +101,14 @@ class GroundMap:
             self.variance += _CHANGE_STD_M**2 * interval_s
         self._follow()
 
+    def resolution(self, distance_m: float) -> float:
+        """Side of a cell at the plane's distance along the axis, normalised; NaN where a look would be of no use."""
+        fine = PART * distance_m <= _COARSEST * CELL_M * self._focal_px
+        return CELL_M / distance_m if fine and distance_m > 0 else math.nan
+
     def look(self, relief: ViewRelief, ned_from_camera: Array, distance_m: float) -> None:
         """Take one look. ``distance_m`` is the plane's along the axis."""
-        footprint_m = PART * distance_m / self._focal_px
-        if footprint_m > _COARSEST * CELL_M:
+        if self._footprint_m(relief, distance_m) > _COARSEST * CELL_M:
             return
         # cells under what moves by itself are not known
         moving = self._under(relief, relief.moving, ned_from_camera, distance_m)
@@ -117,7 +121,7 @@ class GroundMap:
         depth = relief.depth[known]
         north, east, up = self._places(relief.points[known], depth, ned_from_camera, distance_m)
         std = relief.std[known] * distance_m
-        index, source = self._cells(north, east, footprint_m)
+        index, source = self._cells(north, east, self._footprint_m(relief, distance_m))
         information = (1.0 / (std * std))[source]
         size = CELLS * CELLS
         count = np.bincount(index, minlength=size)
@@ -130,11 +134,19 @@ class GroundMap:
     def _under(
         self, relief: ViewRelief, which: NDArray[np.bool_], ned_from_camera: Array, distance_m: float
     ) -> NDArray[np.intp]:
-        """Flat indices of the cells, each once, under parts (n,) of a look that have no height of their own."""
+        """Flat indices of the cells under parts (n,) of a look that have no height of their own.
+
+        A cell may occur more than once, which numpy's indexed assignments take as once.
+        """
         points = relief.points[which]
+        if not len(points):
+            return np.empty(0, np.intp)
         north, east, _ = self._places(points, np.ones(len(points)), ned_from_camera, distance_m)
-        index, _ = self._cells(north, east, PART * distance_m / self._focal_px)
-        return np.unique(index)
+        return self._cells(north, east, self._footprint_m(relief, distance_m))[0]
+
+    def _footprint_m(self, relief: ViewRelief, distance_m: float) -> float:
+        """Side of a part of a look on the plane at this distance."""
+        return relief.reduction * PART * distance_m / self._focal_px
 
     def _places(
         self, points: Array, depth: Array, ned_from_camera: Array, distance_m: float

@@ -9,7 +9,7 @@ it whose error follows from the texture and the noise of the two pictures themse
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -39,6 +39,10 @@ _MOVING_PX = 0.5
 _LONGEST, _LENGTHEN = 2.5, 0.3
 """Longest baseline over the usual one, and how much of what is missing is taken at a look."""
 _NO_SECOND_MAP = np.empty((0, 0), np.float32)
+_LEAST_COLUMNS = 320
+"""Pictures are not reduced below this width."""
+_FLOW_COLUMNS = 80
+"""Width at which the dense flow is found, as is measured to be fast and fine enough."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +53,7 @@ class ViewRelief:
     the distance along the axis over that of the plane at the axis, NaN where it is not known; ``std`` (n,) one sigma of
     it. ``moving`` (n,) marks what moves against the ground, ``bare`` (n,) what both pictures show without texture.
     ``fresh`` is the motion since the last look over that of the baseline, at most one: looks over the same baseline
-    share their errors.
+    share their errors. ``reduction``: side of the picture over that of the one that was looked at.
     """
 
     points: Array
@@ -58,6 +62,7 @@ class ViewRelief:
     moving: NDArray[np.bool_]
     bare: NDArray[np.bool_]
     fresh: float
+    reduction: int = 1
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -72,7 +77,13 @@ class DenseRelief:
         self.options, self.camera = options, camera
         self._images: deque[Image] = deque(maxlen=KEPT)
         self._warp = Warp(camera)
-        self._flow = _dis(camera.width)
+        self._half: DenseRelief | None = None
+        """The same for pictures of half the size, where they are large enough."""
+        if camera.width >= 2 * _LEAST_COLUMNS:
+            self._half = DenseRelief(options, camera.resized(camera.width // 2, camera.height // 2))
+        self._flow: Any = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)
+        self._flow.setFinestScale(0)
+        self._shrunk = 2 ** max(0, round(math.log2(camera.width / _FLOW_COLUMNS)))
         self._rows, self._columns = camera.height // BLOCK, camera.width // BLOCK
         x = np.arange(self._columns) * BLOCK + (BLOCK - 1) / 2
         y = np.arange(self._rows) * BLOCK + (BLOCK - 1) / 2
@@ -99,6 +110,10 @@ class DenseRelief:
         column, row = np.rint(self._centres).astype(np.intp).T
         self.mask = np.zeros(len(self._centres), bool) if barred is None else barred[row, column]
         """Blocks (n,) whose window holds something that is not the ground."""
+        if self._half is not None:
+            half = self._half.camera
+            half.mask = self.camera.resized(half.width, half.height).mask
+            self._half.take_mask()
 
     @property
     def target_px(self) -> float:
@@ -116,9 +131,11 @@ class DenseRelief:
         wanted = self._longer * float(np.median(known)) / std
         self._longer += _LENGTHEN * (min(max(wanted, 1.0), _LONGEST) - self._longer)
 
-    def step(self, views: Views, plane: Plane, image: Image) -> ViewRelief | None:
+    def step(self, views: Views, plane: Plane, image: Image, resolution: float = 0.0) -> ViewRelief | None:
         """The relief at the newest frame, of this ``image``; None between looks, and where the motion shows none.
 
+        ``resolution`` is the smallest normalised length that is of use: the picture is reduced as far as its parts are
+        no larger. NaN: a look would be of no use, and the next one is due as soon as one is.
         The picture is taken as the camera gave it: with a local mean taken out, as it is for the tracks, what lies
         within that mean's reach of an edge or of texture shows some of it, and seems to be seen.
         """
@@ -132,6 +149,8 @@ class DenseRelief:
             self._moved += float(np.linalg.norm(plane.omega)) * interval_s * self.camera.focal_px
         if self._moved < self.options.look_step * self.target_px or self._frames < _FRAMES_APART:
             return None
+        if math.isnan(resolution):
+            return None
         gap = self._gap(views)
         motion = None if gap is None else self._motion(views, plane, gap)
         if gap is None or motion is None:
@@ -139,7 +158,21 @@ class DenseRelief:
         fresh = min(1.0, self._moved / self.target_px)
         self._moved, self._frames = 0.0, 0
         moves = views.rows.moves_of(gap)
-        return self.look(self._images[0], self._images[gap], plane.normal, *motion, fresh, moves)
+        looking, reduction = self.reduced(resolution)
+        size = looking.camera.width, looking.camera.height
+        new, old = self._images[0], self._images[gap]
+        if reduction > 1:
+            new, old = (cv2.resize(image, size, interpolation=cv2.INTER_AREA) for image in (new, old))
+        relief = looking.look(new, old, plane.normal, *motion, fresh, moves)
+        return replace(relief, reduction=reduction)
+
+    def reduced(self, resolution: float) -> tuple["DenseRelief", int]:
+        """The look at the smallest picture whose parts are no larger than ``resolution``, and its reduction."""
+        half = self._half
+        if half is None or PART / half.camera.focal_px > resolution:
+            return self, 1
+        looking, reduction = half.reduced(resolution)
+        return looking, 2 * reduction
 
     def _gap(self, views: Views) -> int | None:
         """The gap whose flow is nearest to the one wanted; None where none is near."""
@@ -193,12 +226,11 @@ class DenseRelief:
             cv2.INTER_CUBIC,
             borderMode=cv2.BORDER_REPLICATE,
         )
-        forth = self._flow.calc(new, warped, None)
-        back = self._flow.calc(warped, new, None)
+        forth, back = self._flows(new, warped)
+        flow = np.column_stack([means_of_blocks(part) for part in forth])
         # OpenCV 5.0.0 interpolates linearly at wrong places where both coordinates come in one map
-        x, y = (cv2.add(part, forth[..., k]) for k, part in enumerate(self._grid))
+        x, y = (cv2.add(here, part) for here, part in zip(self._grid, forth, strict=True))
         aligned = cv2.remap(warped, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        flow = means_of_blocks(forth)
         inside = self._inside(places, flow, old.shape) & ~self.mask
         usable = self._both_ways(flow, back) & inside
         along, per_normalised = self._parallax(t)
@@ -233,13 +265,25 @@ class DenseRelief:
         """What is known of blocks (n,), for their parts (4 n,)."""
         return in_parts(of_blocks, self._rows, self._columns).ravel()
 
-    def _both_ways(self, flow: Array, back: Image) -> NDArray[np.bool_]:
-        """Blocks (n,) whose flow (n, 2) leads back to where it began."""
+    def _flows(self, new: Image, warped: Image) -> tuple[list[Image], Image]:
+        """The flow, x and y (height, width) px each, and that of the way back as it is found, over small pictures."""
         height, width = self._size
-        to = self._centres + flow
-        x = np.clip(np.rint(to[:, 0]), 0, width - 1).astype(np.intp)
-        y = np.clip(np.rint(to[:, 1]), 0, height - 1).astype(np.intp)
-        left = flow + back[y, x]
+        size = width // self._shrunk, height // self._shrunk
+        small = [cv2.resize(image, size, interpolation=cv2.INTER_AREA) for image in (new, warped)]
+        forth, back = (
+            self._flow.calc(a, b, None) * np.float32(self._shrunk) for a, b in (small, small[::-1])
+        )
+        full = [
+            cv2.resize(part, (width, height), interpolation=cv2.INTER_LINEAR) for part in cv2.split(forth)
+        ]
+        return full, back
+
+    def _both_ways(self, flow: Array, back: Image) -> NDArray[np.bool_]:
+        """Blocks (n,) whose flow (n, 2) leads back to where it began; ``back`` as ``_flows`` has it."""
+        to = ((self._centres + flow + 0.5) / self._shrunk - 0.5).astype(np.float32)
+        x, y = (np.ascontiguousarray(part).reshape(self._rows, self._columns) for part in to.T)
+        there = cv2.remap(back, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        left = flow + there.reshape(-1, 2)
         return np.asarray(np.hypot(left[:, 0], left[:, 1]) <= STEP_PX)
 
     def _inside(self, places: NDArray[np.float32], flow: Array, shape: tuple[int, ...]) -> NDArray[np.bool_]:
@@ -282,10 +326,3 @@ def _depth(points: Array, found: Array, t: Array, normal: Array) -> tuple[Array,
     with np.errstate(divide="ignore"):
         depth = 1.0 / inverse
     return depth, depth * depth / np.sqrt(length2)
-
-
-def _dis(width: int) -> Any:
-    """Dense inverse search whose finest level has about 80 columns, as is measured to be fast and fine enough."""
-    flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)
-    flow.setFinestScale(max(0, round(math.log2(width / 80))))
-    return flow

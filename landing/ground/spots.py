@@ -21,6 +21,7 @@ from landing.options import GroundOptions
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Flags = NDArray[np.uint8]
 
 NAN = math.nan
 _MOST_SPOTS = 5
@@ -28,6 +29,8 @@ _LOOKED_AT = 0.3
 """Least known share of a disc for a plane fit; with less it is unknown, never a hazard."""
 _INDEPENDENT_CELLS = 9
 """Cells of a disc whose errors count as independent: neighbours share the windows of their matches."""
+_AT_ONCE = 256
+"""Discs fitted at once."""
 _NEAR_M, _FAR_HAZARD_M = 0.5, 1.0
 """Ranking of spots: 1 m of distance counts as much as 0.5 m of clearance; clearance above 1 m counts as 1 m."""
 
@@ -107,10 +110,10 @@ class Discs:
         down, across = np.meshgrid(offset, offset, indexing="ij")
         inside = np.hypot(down, across) * CELL_M <= options.landing_radius_m + CELL_M / 2
         self._down, self._across = down[inside], across[inside]
-        known = ground.known
+        known, looked = ground.known, ground.seen
         shape = known.shape
         # what was never seen over two cells a side could hide a step
-        gaps = gaps_of(ground.seen)
+        gaps = gaps_of(looked)
         self.known, self.hidden = np.zeros(shape), np.ones(shape, bool)
         self.inclination_deg, self.step_m, self.least_step_m, self.std_m = (
             np.full(shape, NAN) for _ in range(4)
@@ -121,27 +124,57 @@ class Discs:
             )
             cells = np.flatnonzero(seen >= _LOOKED_AT * len(self._down))
         if len(cells):
-            self._fit(ground, known, gaps, cells)
+            self._fit_all(ground, known, looked, gaps, cells, reach)
 
-    def _fit(self, ground: GroundMap, known: Mask, gaps: NDArray[Any], cells: NDArray[np.intp]) -> None:
-        """Least-squares plane of each disc: height = north * x + east * y about the mean of its known cells."""
-        row, column = (part[:, None] for part in np.divmod(cells, CELLS))
-        r, c = row + self._down, column + self._across
-        within = (r >= 0) & (r < CELLS) & (c >= 0) & (c < CELLS)
-        at = np.where(within, r * CELLS + c, 0)
-        there, looked = within & known.ravel()[at], within & ground.seen.ravel()[at]
+    def _fit_all(
+        self, ground: GroundMap, known: Mask, looked: Mask, gaps: Flags, cells: NDArray[np.intp], reach: int
+    ) -> None:
+        """Fit the discs about ``cells``, which reach over ``reach`` cells to all sides."""
+        row, column = np.divmod(cells, CELLS)
+        (top, bottom), (left, right) = ((int(part.min()), int(part.max()) + 1) for part in (row, column))
+        window = slice(max(top - reach, 0), bottom + reach), slice(max(left - reach, 0), right + reach)
+        above, below, aside, beyond = (
+            max(over, 0)
+            for over in (reach - top, bottom + reach - CELLS, reach - left, right + reach - CELLS)
+        )
+
+        def framed(part: NDArray[Any]) -> NDArray[Any]:
+            # cells outside of the grid are unknown: so no disc reaches out of the window
+            wide = cv2.copyMakeBorder(part, above, below, aside, beyond, cv2.BORDER_CONSTANT, value=0)
+            return np.asarray(wide).ravel()
+
+        seen = looked[window]
+        flags = [framed(part.astype(np.uint8)) for part in (known[window], seen, gaps[window])]
+        numbers = [framed(np.where(seen, part[window], 0.0)) for part in (ground.height, ground.variance)]
+        side = right - left + 2 * reach
+        places = (row - top + reach) * side + column - left + reach
+        offsets = self._down * side + self._across
+        # so many at a time that their cells stay in the processor's cache
+        for first in range(0, len(cells), _AT_ONCE):
+            part = slice(first, first + _AT_ONCE)
+            at = places[part, None] + offsets
+            self._fit(cells[part], *[flat.take(at) for flat in (*flags, *numbers)])
+
+    def _fit(self, cells: NDArray[np.intp], *of_discs: NDArray[Any]) -> None:
+        """Least-squares plane of each disc: height = north * x + east * y about the mean of its known cells.
+
+        ``of_discs`` (n, k) each, all cells of the discs about ``cells`` (n,): what is known, seen at all and in a gap,
+        0 or 1; heights and variances, zero where nothing is seen.
+        """
+        known, seen, gaps, height, variance = of_discs
+        there, looked = known.view(bool), seen.view(bool)
         share = there.mean(axis=1)
         self.known.ravel()[cells] = share
-        self.hidden.ravel()[cells] = (within & (gaps.ravel()[at] > 0)).any(axis=1)
+        self.hidden.ravel()[cells] = gaps.any(axis=1)
         some = share >= _LOOKED_AT
         if not some.any():
             return
-        cells, there, looked, at = cells[some], there[some], looked[some], at[some]
+        if not some.all():
+            cells, there, looked = cells[some], there[some], looked[some]
+            height, variance = height[some], variance[some]
         weight = there.astype(np.float64)
         count = weight.sum(axis=1)
-        height = np.where(looked, ground.height.ravel()[at], 0.0)
         height -= ((height * weight).sum(axis=1) / count)[:, None]
-        variance = np.where(looked, ground.variance.ravel()[at], 0.0)
         x, y = self._down * CELL_M, self._across * CELL_M
         mx, my = weight @ x / count, weight @ y / count
         cxx = weight @ (x * x) - count * mx * mx
@@ -168,8 +201,11 @@ class Discs:
     @property
     def inclination_std_deg(self) -> Array:
         """Standard deviation of the inclination (rows, columns): error of the vertical and noise of the heights."""
+        return self._inclination_std_deg(self.std_m)
+
+    def _inclination_std_deg(self, std_m: Array) -> Array:
         lever = self.options.landing_radius_m / 2 * math.sqrt(_INDEPENDENT_CELLS)
-        return np.hypot(self._tilt_std_deg, np.degrees(self.std_m / lever))
+        return np.hypot(self._tilt_std_deg, np.degrees(std_m / lever))
 
     @property
     def landable(self) -> Mask:
@@ -190,7 +226,7 @@ class Discs:
             return Disc(UNKNOWN, (GroundCode.NOT_SEEN,))
         o = self.options
         known, inclination = float(self.known[row, column]), float(self.inclination_deg[row, column])
-        inclination_std = float(self.inclination_std_deg[row, column])
+        inclination_std = float(self._inclination_std_deg(self.std_m[row, column]))
         step, least_step = float(self.step_m[row, column]), float(self.least_step_m[row, column])
         doubt = o.sigmas * inclination_std
         reasons = []

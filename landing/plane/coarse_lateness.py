@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from landing.motion.views import Views
+from landing.plane.plane import Plane
 from landing.plane.turn_comparison import picture_rotation
 from landing.rotations import log_so3
 
@@ -59,8 +60,9 @@ class CoarseLateness:
         self._pending.clear()
         self._pairs.clear()
 
-    def step(self, views: Views) -> float | None:
-        """Take the newest frame; how late its stamp is beyond the offset that is set, s, once it is sure."""
+    def step(self, views: Views, plane: Plane | None = None) -> float | None:
+        """Take the newest frame, with its plane where known; how late its stamp is beyond the offset that is set, s,
+        once it is sure."""
         newest = views.newest
         if newest.ned_from_camera is None:
             self._count = 0
@@ -70,7 +72,7 @@ class CoarseLateness:
         if not self._remember(newest.time_s - newest.late_s, newest.ned_from_camera):
             return None
         if views.longest >= 1 and newest.time_s - self._last_s >= 0.9 * _EVERY_S:
-            self._see(views)
+            self._see(views, plane)
         return self._look() if self._compared() else None
 
     def _remember(self, time_s: float, attitude: Array) -> bool:
@@ -95,10 +97,10 @@ class CoarseLateness:
         self._count = n + 1
         return True
 
-    def _see(self, views: Views) -> None:
+    def _see(self, views: Views, plane: Plane | None) -> None:
         """The rotation over the last span, from the tracks."""
         newest = views.newest
-        found = picture_rotation(views, _SPAN_S)
+        found = picture_rotation(views, _SPAN_S, plane)
         if found is None:
             return
         gap, fit = found

@@ -107,14 +107,14 @@ class TimeOffsetFilter:
             self._coarse.forget()
             self._searching = True
 
-    def _search(self, views: Views) -> None:
+    def _search(self, views: Views, plane: Plane) -> None:
         """The coarse search, until it is sure."""
         self.moved = False
         if self.at_bound:
             self.search()
         if self._coarse is None or not self._searching:
             return
-        found_s = self._coarse.step(views)
+        found_s = self._coarse.step(views, plane)
         if found_s is None:
             return
         self._searching, self.confirmed = False, True
@@ -130,7 +130,7 @@ class TimeOffsetFilter:
             grown = self.std_s**2 + self._drift**2 * (now_s - self._last_s)
             self._covariance[0, 0] = min(grown, self._first_std_s**2)
         self._last_s = now_s
-        self._search(views)
+        self._search(views, plane)
         if self.moved:
             return  # the fit is of attitudes of another time
         free = np.diag(self._covariance) > 0

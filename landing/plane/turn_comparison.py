@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from landing.motion.views import Views
+from landing.plane.plane import Plane
 from landing.plane.planefit import FitPrior, PlaneFit, fit_plane
 from landing.rotations import log_so3
 
@@ -23,6 +24,8 @@ _EVERY_S = 0.1
 """From one comparison to the next."""
 _TRACKS, _LEAST_TRACKS = 60, 20
 """Tracks that a rotation is fitted to, and fewest."""
+_EXPLAINED = 0.6
+"""Share of the tracks that a fit from the plane must explain, or it starts from a homography."""
 _LOOSE_RAD = 0.1
 """Trust in the measured rotation, one sigma of an axis."""
 _LEVEL_RAD, _HEADING_RAD, _WANDERS_S = math.radians(0.4), math.radians(0.8), 8.0
@@ -35,10 +38,12 @@ _LENS_SHARE = 0.03
 """Error of a rotation seen through the lens, as a share of it, one sigma: of focal length, distortion and mount."""
 
 
-def picture_rotation(views: Views, span_s: float) -> tuple[int, PlaneFit] | None:
+def picture_rotation(views: Views, span_s: float, plane: Plane | None = None) -> tuple[int, PlaneFit] | None:
     """The gap of about ``span_s`` before the newest frame, and the fit of its tracks that all but ignores attitudes.
 
-    None with too few tracks, without both attitudes (where the fit starts), or where the fit does not settle.
+    ``plane`` at the newest frame is where the fit starts, as far as it explains the tracks: it ends at the same place
+    as from a homography of the tracks, which costs four times as much. None with too few tracks, without both
+    attitudes, or where the fit does not settle.
     """
     gap = views.reach(span_s)
     slots = views.tracker.common(gap)
@@ -47,7 +52,15 @@ def picture_rotation(views: Views, span_s: float) -> tuple[int, PlaneFit] | None
         return None
     tracks = views.over(gap, slots[:: max(1, len(slots) // _TRACKS)])
     loose = FitPrior(rotation_std=np.full(3, _LOOSE_RAD))
-    fit = fit_plane(tracks.new, tracks.old, measured, tracks.whitener, loose)
+    fit = None
+    if plane is not None and np.isfinite((*plane.omega, plane.noise)).all():
+        interval_s = views.newest.time_s - views.view(gap).time_s
+        start = plane.omega * -interval_s, plane.a, plane.b
+        # what the plane refused is refused in the first step, which leads from afar: the motion was another one before
+        carried = plane.weights(len(views.tracker.alive)).take(tracks.slots), max(plane.noise, 1.0)
+        fit = fit_plane(tracks.new, tracks.old, measured, tracks.whitener, loose, start, carried)
+    if fit is None or not fit.converged or np.count_nonzero(fit.weight) < _EXPLAINED * len(tracks.new):
+        fit = fit_plane(tracks.new, tracks.old, measured, tracks.whitener, loose)
     return None if fit is None or not fit.converged else (gap, fit)
 
 
@@ -59,8 +72,11 @@ class TurnComparison:
         self._attitude_error_std_rad = attitude_error_std_rad
         self._last_s = -math.inf
 
-    def step(self, views: Views, late_std_s: float) -> tuple[float, int]:
-        """Compare the newest rotation, where frames lie ``late_std_s`` off; (0, 0): nothing to compare."""
+    def step(self, views: Views, late_std_s: float, plane: Plane | None = None) -> tuple[float, int]:
+        """Compare the newest rotation, where frames lie ``late_std_s`` off; (0, 0): nothing to compare.
+
+        ``plane`` is that of the newest frame, None: not known.
+        """
         newest = views.newest
         if newest.ned_from_camera is None or views.longest < 1:
             return 0.0, 0
@@ -68,7 +84,7 @@ class TurnComparison:
             return 0.0, 0
         self._last_s = newest.time_s
         for span_s in _SPANS_S:
-            seen = picture_rotation(views, span_s)
+            seen = picture_rotation(views, span_s, plane)
             if seen is not None and _explains(seen[1]):
                 gap, fit = seen
                 spread = _uneven(fit) + self._doubt(views, gap, newest.ned_from_camera, late_std_s)

@@ -117,6 +117,26 @@ class CameraModel:
         side = 2 * margin_px + 1
         return cv2.dilate(self.mask.astype(np.uint8), np.ones((side, side), np.uint8)).view(bool)
 
+    def resized(self, width: int, height: int) -> "CameraModel":
+        """The same camera with pictures of another size; a pixel that holds any of the mask is of the mask."""
+        sx, sy = width / self.width, height / self.height
+        # the middle of the first pixel is (0, 0)
+        scaled = np.array(((sx, 0, (sx - 1) / 2), (0, sy, (sy - 1) / 2), (0, 0, 1)))
+        mask = self.mask
+        if mask is not None:
+            shares = cv2.resize(mask.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
+            mask = np.asarray(shares > 0, np.bool_)
+        return CameraModel(
+            width,
+            height,
+            scaled @ self.matrix,
+            self.distortion,
+            self.body_from_camera,
+            self.readout_s,
+            equidistant=self.equidistant,
+            mask=mask,
+        )
+
     def changed(self, change: NDArray[np.float64]) -> "CameraModel":
         """The same camera with fx, fy, cx, cy and the distortion changed by ``change`` (4 + k,)."""
         matrix = self.matrix.copy()

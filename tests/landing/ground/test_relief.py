@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from ground_scene import CAMERA, Patch, Scene, flown
 
-from landing.ground.block_match import PART
+from landing.ground.block_match import BLOCK, PART
+from landing.ground.map import GroundMap
 from landing.ground.relief import DenseRelief, ViewRelief
 from landing.options import GroundOptions, Options
 from landing.pipeline import SurfacePipeline
+from landing.vision.camera import DOWN, CameraModel
 
 HEIGHT = 2.0
 WAY = 0.15
@@ -141,6 +143,49 @@ def test_a_mask_is_never_ground() -> None:
     relief = dense.look(new, old, LEVEL, np.array((0.0, WAY / HEIGHT, 0.0)), np.eye(3))
     assert not relief.known[: 4 * 40].any()
     assert relief.known[4 * 40 :].mean() > 0.5
+
+
+def test_a_large_picture_is_reduced_as_far_as_the_ground_allows() -> None:
+    """A cell of 10 cm seen from 2, 10 and 20 m up; 320 columns are looked at whatever the cell."""
+    camera = CameraModel.from_focal(1280, 960, 1000.0)
+    dense = DenseRelief(GroundOptions(), camera)
+    assert [dense.reduced(resolution)[1] for resolution in (0.1 / 2, 0.1 / 10, 0.1 / 20)] == [4, 2, 1]
+    small = dense.reduced(0.1 / 2)[0].camera
+    assert (small.width, small.height) == (320, 240)
+    pixel = np.array(((100.0, 700.0),))
+    np.testing.assert_allclose(small.undistort((pixel + 0.5) / 4 - 0.5), camera.undistort(pixel), atol=1e-9)
+    assert DenseRelief(GroundOptions(), CAMERA).reduced(1.0)[1] == 1
+
+
+def test_a_reduced_picture_has_the_mask_too() -> None:
+    mask = np.zeros((480, 640), bool)
+    mask[:, 300] = True
+    dense = DenseRelief(GroundOptions(), CameraModel.from_focal(640, 480, 520.0, mask=mask))
+    half = dense.reduced(1.0)[0]
+    blocks = half.mask.reshape(240 // BLOCK, 320 // BLOCK)
+    assert blocks[:, 150 // BLOCK].all()
+    assert blocks.mean() < 0.1
+    dense.camera.mask = None
+    dense.take_mask()
+    assert not half.mask.any()
+
+
+def test_a_look_at_a_reduced_picture_falls_into_the_cells_that_a_whole_one_does() -> None:
+    """A part of the reduced picture is twice as wide on the ground."""
+    ground = [GroundMap(GroundOptions(), CAMERA.focal_px * k) for k in (1, 2)]
+    relief = looked(Scene())
+    for one, look in zip(ground, (relief, replace(relief, reduction=2)), strict=True):
+        one.move(0.0, np.zeros(3))
+        one.look(look, DOWN, HEIGHT)
+    np.testing.assert_array_equal(ground[0].looks, ground[1].looks)
+    assert ground[0].looks.any()
+
+
+def test_a_look_that_no_cell_is_fine_enough_for_is_not_asked_for() -> None:
+    ground = GroundMap(GroundOptions(), 256.0)
+    assert ground.resolution(2.0) == pytest.approx(0.05)
+    assert math.isnan(ground.resolution(20.0))
+    assert math.isnan(ground.resolution(math.nan))
 
 
 def test_without_motion_there_is_no_height() -> None:
