@@ -40,10 +40,9 @@ Array = NDArray[np.float64]
 
 _READOUT_STEP_S = 0.0005
 """Change of what is known of the rows' readout at which the tracks are moved."""
-_HIDDEN = 0.02
-"""Share of the picture that turns out not to show the ground from which slow estimates of the motion begin anew."""
-_SLOW = 0.2
-"""Velocity, m/s, below which its ratio to the ventral flow is not used."""
+_SLOW, _HIDDEN = 0.2, 0.02
+"""Velocity, m/s, below which its ratio to the ventral flow is not used; share of the picture that turns out not to show
+the ground from which slow estimates of the motion begin anew."""
 
 
 class Estimator(Protocol):
@@ -71,11 +70,9 @@ class SurfacePipeline:
         self.camera = camera = copy(camera)  # its own: parts that are found to stand still join the mask
         self.options = options
         self.views = Views(camera, options.tracking)
-        self.estimator = ESTIMATORS[options.estimator.method](
-            options.estimator, camera.focal_px, options.tracking.max_features
-        )
-        tracking = options.tracking
-        self.relief = ReliefMap(options.estimator, camera, tracking.max_features, tracking.window_px / 2)
+        features, window_px = options.tracking.max_features, options.tracking.window_px
+        self.estimator = ESTIMATORS[options.estimator.method](options.estimator, camera.focal_px, features)
+        self.relief = ReliefMap(options.estimator, camera, features, window_px / 2)
         measured_px = options.ground.baseline * camera.width
         self.border = Border(options.estimator, camera, measured_px)
         self.appearance = AppearanceChange(options.estimator, camera, measured_px)
@@ -147,7 +144,6 @@ class SurfacePipeline:
         """No track, relief or doubt where the picture does not show the ground."""
         mask = found if self._given is None else self._given | found
         before, self.camera.mask = self.camera.mask, mask if mask.any() else None
-        # what did not move with the ground was taken for ground until now
         if np.mean(mask if before is None else mask & ~before) > _HIDDEN:
             self.ground.motion.forget()
             self.better_height.forget()
@@ -239,8 +235,7 @@ class SurfacePipeline:
         appearance_change: set[int] = set()
         rough_border = suspicious = False
         if relief_ and relief_.roughness <= self.options.decision.max_roughness:
-            within = relief_
-            relief_ = self._with_border(relief_, plane)
+            within, relief_ = relief_, self._with_border(relief_, plane)
             rough_border = relief_ is not within
             suspicious = self._suspicious(relief_)
             appearance_change = self.appearance.step(
@@ -292,8 +287,8 @@ class SurfacePipeline:
 
     def _suspicious(self, relief_: Relief) -> bool:
         """Whether with what may stand at the border it would be too rough."""
-        suspect, limit = self.border.suspect, self.options.decision.max_roughness
-        return suspect is not None and relief_.roughness**2 + suspect.mean_square > limit**2
+        suspect, limit = self.border.suspect, self.options.decision.max_roughness**2
+        return suspect is not None and relief_.roughness**2 + suspect.mean_square > limit
 
     def _surface(self, observation: Observation, plane: Plane, roll: float, pitch: float) -> dict[str, Any]:
         """Fields of the estimate that a plane gives."""
