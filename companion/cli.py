@@ -1,7 +1,5 @@
 """The command line: finds the command in the table, runs it, and turns errors into one line and an exit code."""
 
-import difflib
-import importlib.metadata
 import io
 import sys
 
@@ -36,9 +34,13 @@ def main(argv: list[str] | None = None) -> int:
         print(usage())
         return 0 if words else 2
     if words[0] == "--version":
-        print(f"landslope {importlib.metadata.version('landslope')}")
+        from importlib.metadata import version  # takes longer than all else that is imported here
+
+        print(f"landslope {version('landslope')}")
         return 0
     if words[0] not in COMMANDS:
+        import difflib
+
         near = difflib.get_close_matches(words[0], COMMANDS, n=1)
         hint = f"; did you mean '{near[0]}'?" if near else ""
         print(f"landslope: there is no command '{words[0]}'{hint}\n\n{usage()}", file=sys.stderr)

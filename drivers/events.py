@@ -10,7 +10,7 @@ from drivers.secrets import masked
 class DriverEvent:
     """One happening; ``severity`` is "info", "warning" or "error"; ``arrival_us`` the companion's clock.
 
-    Secrets in the text are masked: events go to whoever listens.
+    Secrets in the text are masked: events go to every subscriber.
     """
 
     event: str

@@ -2,6 +2,9 @@
 
 from enum import StrEnum
 
+SECOND_GONE_S = 10.0
+"""Silence after which a second vehicle has left the link: ten of its heartbeats."""
+
 
 class RefusalCode(StrEnum):
     """Every reason to refuse a frame, a message or a row of a file."""

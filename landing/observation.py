@@ -14,7 +14,8 @@ class Observation:
     ``image`` is (height, width) uint8 grey. ``time_s`` counts from any fixed origin and rises from
     observation to observation. ``ned_from_body`` is the (3, 3) attitude at mid-exposure, or None;
     ``rotation_std_rad`` the standard deviation of the error of the rotation between two exposures, per axis
-    (timing, interpolation, sensor), ``tilt_std_rad`` that of roll and pitch themselves for want of the exact
+    (timing, interpolation, sensor), ``rotation_wander`` (3,) what it grows by with time about the body's axes, in rad
+    per root second, ``tilt_std_rad`` that of roll and pitch themselves for want of the exact
     moment. ``velocity_ned`` is (3,) m/s with one standard deviation for all axes, measured from what lies
     ``velocity_age_s`` from the exposure; ``velocity_noise`` is the part of its error that changes from frame to
     frame, one sigma of an axis in m/s, and ``velocity_factor`` its slow part over the one that is assumed.
@@ -40,3 +41,4 @@ class Observation:
     delay_s: float = 0.0
     range_m: float = math.nan
     range_std_m: float = math.nan
+    rotation_wander: NDArray[np.float64] | None = None

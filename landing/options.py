@@ -96,26 +96,30 @@ class EstimatorOptions:
         int, Limits(4, 1000, "", "cells of the view that count alike in the roughness")
     ] = 80
     relief_scale: Annotated[float, Limits(0.0005, 0.1, "", "relief that matters, over the distance")] = 0.01
-    standing_sigmas: Annotated[float, Limits(1, 20, "sigma", "height at which a point stands out")] = 5.0
-    standing_height: Annotated[float, Limits(0.001, 1, "", "height over the distance that stands out")] = (
-        0.025
-    )
+    standing_sigmas: Annotated[
+        float, Limits(1, 20, "sigma", "height of an obstacle point, in its own uncertainty")
+    ] = 5.0
+    standing_height: Annotated[
+        float, Limits(0.001, 1, "", "height of an obstacle point, over the distance")
+    ] = 0.025
     standing_kept: Annotated[
-        float, Limits(0, 1, "", "share of its height in the frame before that a point must keep to stand out")
+        float, Limits(0, 1, "", "share of its height in the frame before that an obstacle point must keep")
     ] = 0.85
-    standing_frames: Annotated[int, Limits(1, 100, "frames", "how long a point must stand out to count")] = 2
+    standing_frames: Annotated[
+        int, Limits(1, 100, "frames", "how long a point must be an obstacle point to count")
+    ] = 2
     margin_kept: Annotated[
         float, Limits(0, 0.5, "", "border beyond the view, over its width, still remembered")
     ] = 0.025
-    remembered: Annotated[int, Limits(0, 1000, "", "points that stood out and are remembered")] = 100
+    remembered: Annotated[int, Limits(0, 1000, "", "obstacle points that are remembered")] = 100
     border_flow_px: Annotated[
         float, Limits(0.5, 20, "px", "motion over which the border of the view is looked at")
     ] = 2.5
     border_step_px: Annotated[
-        float, Limits(0, 20, "px", "motion after which it is looked at again, when nothing stood out")
+        float, Limits(0, 20, "px", "motion after which it is looked at again, when no relief was found")
     ] = 2.0
     border_sigmas: Annotated[
-        float, Limits(1, 20, "sigma", "height at the border that stands out, in its own uncertainty")
+        float, Limits(1, 20, "sigma", "height at the border that counts as relief, in its own uncertainty")
     ] = 7.0
     border_side_sigmas: Annotated[
         float, Limits(1, 20, "sigma", "the same of a whole side, from which nothing is called flat")
@@ -136,7 +140,8 @@ class EstimatorOptions:
         float, Limits(1, 20, "sigma", "the same over how much it usually changes there")
     ] = 2.5
     brink_sigmas: Annotated[
-        float, Limits(1, 20, "sigma", "mean height of the tracks nearest to a side that stands out")
+        float,
+        Limits(1, 20, "sigma", "mean height of the tracks nearest to a side that counts as a step edge"),
     ] = 6.0
     brink_floor: Annotated[
         float, Limits(0, 0.1, "", "error of a young track's height, over the distance, beside its own")
@@ -215,7 +220,7 @@ class DecisionOptions:
         float, Limits(0.05, 10, "m", "radius of the ground below that must be measured")
     ] = 0.5
     min_area_measured: Annotated[float, Limits(0, 1, "", "smallest measured share of that ground")] = 0.8
-    max_standing: Annotated[int, Limits(0, 100, "", "points that may stand out from a flat surface")] = 0
+    max_standing: Annotated[int, Limits(0, 100, "", "obstacle points that a flat surface may have")] = 0
     min_coverage: Annotated[float, Limits(0, 1, "", "smallest share of the image with tracks")] = 0.35
     max_ground_speed_m_s: Annotated[
         float, Limits(0.05, 10, "m/s", "speed of the ground by itself, as far as it is known, landed on")

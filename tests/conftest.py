@@ -10,19 +10,26 @@ import shutil
 import signal
 from pathlib import Path
 
+import examples
 import folder_edits
-import hypothesis
 import pytest
-
-# a busy machine must not fail a property: no example has a time limit
-hypothesis.settings.register_profile("landslope", deadline=None)
-hypothesis.settings.load_profile("landslope")
 
 # where the tests run in the background of a shell, SIGINT comes ignored, also for the processes they start
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 _states = itertools.count()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """More examples of each property than the suite has time for."""
+    text = "try so many times the examples of each property, other ones in every run"
+    parser.addoption("--examples", type=int, default=1, metavar="TIMES", help=text)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Before a test module is imported."""
+    examples.chosen(config.getoption("--examples"))
 
 
 @pytest.fixture(autouse=True)

@@ -1,4 +1,4 @@
-"""What to do when whoever read the output has gone."""
+"""What to do when the reader of the output has gone."""
 
 import os
 import sys

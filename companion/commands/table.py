@@ -2,7 +2,6 @@
 
 import argparse
 import importlib
-import importlib.metadata
 from pathlib import Path
 
 COMMANDS = {
@@ -49,7 +48,9 @@ def parser_for(name: str) -> argparse.ArgumentParser:
 
 def installed_documents() -> dict[Path, str]:
     """The completions and the man page of all commands, by the path they are installed at."""
+    from importlib.metadata import version  # takes long, and no other command needs it
+
     from companion.install.manual import Command, documents
 
     commands = {name: Command(text, parser_for(name)) for name, (_, text) in COMMANDS.items()}
-    return documents(commands, importlib.metadata.version("landslope"))
+    return documents(commands, version("landslope"))

@@ -4,15 +4,17 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from companion.core.consent import Consent
 from companion.messages.events import event
 from companion.messages.messages import Event, ProcedureState
 from companion.settings.settings import Settings
 from landing.decision.decision import against_motion
+from landing.decision.ground_level import GroundLevel
+from landing.decision.lean import Lean
 from landing.decision.orders import (
     NOT_SEEN,
-    STILL,
     GroundMotion,
     Inputs,
     Order,
@@ -28,7 +30,10 @@ from landing.decision.withheld import Withheld
 from landing.estimate import SurfaceEstimate
 from landing.ground.ground import Ground
 from landing.reasons import CONTRADICTIONS
+from landing.rotations import euler_from_matrix
 from landing.vision.camera import CameraModel
+
+Array = NDArray[np.float64]
 
 SPOTS_EVERY_S = 0.2
 """All discs are looked at this often; the chosen one at every frame."""
@@ -36,7 +41,7 @@ VELOCITY_MAX_AGE_S = 0.5
 NEAR_M = 0.8
 """Ground so near, and as far as it flies in a second, is flown over with room."""
 MOVES_SIGMAS = 2.0
-"""Standard deviations by which the ground must be faster than is landed on, for it to move plainly."""
+"""Standard deviations by which the ground must be faster than is landed on, for it to move clearly."""
 BESIDE_M = 0.1
 """Ground beside the disc that the view must hold as well."""
 
@@ -98,7 +103,8 @@ class Approach:
         )
         self._ground, self._consent = ground, consent
         self._decision = settings.decision
-        self._spots_s = -math.inf
+        self._level, self._lean = GroundLevel(), Lean()
+        self._spots_s, self._yaw = -math.inf, math.nan
         self._local: tuple[int, Vector] | None = None
         self._reported: Step | None = None
 
@@ -108,8 +114,13 @@ class Approach:
         step = self._reported
         if step is None:
             return None
-        spot = step.spot_ned
-        vehicle = self._ground.sight.place_ned
+        vehicle, spot = self._ground.sight.place_ned, step.spot_ned
+        north = east = ahead = right = None
+        if spot is not None:
+            north, east = round(spot[0] - vehicle[0], 3), round(spot[1] - vehicle[1], 3)
+            cos, sin = math.cos(self._yaw), math.sin(self._yaw)
+            if math.isfinite(cos):
+                ahead, right = round(cos * north + sin * east, 3), round(cos * east - sin * north, 3)
         return ProcedureState(
             kind=self.kind,
             state=step.state.value,
@@ -117,8 +128,10 @@ class Approach:
             text=step.words,
             order=step.order.kind.value,
             velocity_ned=_rounded(step.order.velocity_ned) if step.order.kind is OrderKind.VELOCITY else None,
-            spot_north_m=None if spot is None else round(spot[0] - vehicle[0], 3),
-            spot_east_m=None if spot is None else round(spot[1] - vehicle[1], 3),
+            spot_north_m=north,
+            spot_east_m=east,
+            spot_ahead_m=ahead,
+            spot_right_m=right,
         )
 
     def locate(self, position_ned: Vector, now_us: int) -> None:
@@ -126,14 +139,22 @@ class Approach:
         self._local = now_us, position_ned
 
     def see(
-        self, estimate: SurfaceEstimate, yaw: float, now_us: int, time_unix_us: int, *, busy: bool
+        self, estimate: SurfaceEstimate, attitude: Array | None, now_us: int, time_unix_us: int, *, busy: bool
     ) -> list[Event | Ordered]:
-        """Take a frame; ``busy``: a command to land is under way."""
-        ground, sight = self._ground, self._ground.sight
+        """Take a frame; ``attitude`` is ned_from_body (3, 3) then. ``busy``: a command to land is under way."""
+        ground, sight, local = self._ground, self._ground.sight, self._fresh_local(now_us)
+        velocity = None if sight.velocity_ned is None else np.array(sight.velocity_ned)
+        self._lean.step(estimate.time_s, attitude, velocity)
+        self._yaw = math.nan if attitude is None else euler_from_matrix(attitude)[2]
         spots = None
         if self._machine.wants_spots and estimate.time_s - self._spots_s >= SPOTS_EVERY_S:
-            self._spots_s, spots = estimate.time_s, ground.spots()
+            self._spots_s, spots = estimate.time_s, ground.spots(self._lean.drift_m)
         place = self._machine.spot_ned
+        speed = math.nan if velocity is None else math.hypot(*velocity[:2])
+        self._level.step(estimate.time_s, local, sight.approach, sight.seen_m, sight.seen_std_m)
+        height_m = self._level.height_m
+        # the map is in the metres of the view's own height
+        clear = ground.clear_m(NEAR_M + (speed if math.isfinite(speed) else 0.0)) / sight.height_m
         inputs = Inputs(
             time_s=estimate.time_s,
             objections=self._objections(now_us),
@@ -142,11 +163,11 @@ class Approach:
             landing=busy,
             contradictions=(str(estimate.status),) if estimate.status in CONTRADICTIONS else (),
             place_ned=sight.place_ned,
-            local_ned=self._fresh_local(now_us),
-            velocity_ned=sight.velocity_ned if self._fresh_local(now_us) is not None else None,
-            yaw=yaw,
-            height_m=sight.height_m,
-            clear_m=ground.clear_m(NEAR_M + math.hypot(*(sight.velocity_ned or STILL)[:2])),
+            local_ned=local,
+            velocity_ned=sight.velocity_ned if local is not None else None,
+            yaw=self._yaw,
+            height_m=height_m,
+            clear_m=clear * height_m,
             approach=sight.approach,
             ground_motion=self._ground_motion(estimate),
             below=ground.at(*sight.place_ned[:2]),

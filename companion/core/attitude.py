@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.clocks.attitude_wander import AttitudeWander
 from companion.clocks.rate_delay import RateDelay
 from companion.settings.settings import SyncSettings
 from drivers.samples import Attitude, Vector3
@@ -19,6 +20,9 @@ KEEP_US = 4_000_000
 RATE_SPAN_US = 40_000
 """Span of the attitudes around a moment that its rate of turn is taken from."""
 
+ATTITUDE_WITNESSES = 3
+"""Frames in a row without an attitude (or with one again) before it counts."""
+
 SWING_S = 0.5
 """Time constant of the turn rate's mean and variance."""
 
@@ -29,13 +33,41 @@ Vector = NDArray[np.float64]
 class BodyAttitude:
     """``ned_from_body`` (3, 3) at a moment and ``turn_rate`` (3,) rad/s about the body's axes.
 
-    ``rotation_std``, ``tilt_std`` in rad per axis: see AttitudeBuffer.at.
+    ``rotation_std``, ``tilt_std`` in rad per axis: see AttitudeBuffer.at. ``wander`` (3,) rad per root second about the
+    body's axes, beyond the usual; None for none.
     """
 
     ned_from_body: NDArray[np.float64]
     rotation_std: float
     tilt_std: float
     turn_rate: Vector
+    wander: Vector | None = None
+
+
+class FramesAttitude:
+    """Whether the frames have an attitude: ``missing`` is why they have none, in words; empty while they have one."""
+
+    def __init__(self) -> None:
+        self.missing = ""
+        self._known: bool | None = None
+        self._streak = 0
+
+    def step(self, attitude: BodyAttitude | str) -> str:
+        """Take a frame's attitude or why there is none; the name of the event where that has changed for good."""
+        reason = attitude if isinstance(attitude, str) else ""
+        known = not reason
+        if reason and self.missing:
+            self.missing = reason.replace("_", " ")
+        if known == self._known or reason == "no_telemetry":
+            self._streak = 0
+            return ""
+        self._streak += 1
+        first = self._known is None and known
+        if not first and self._streak < ATTITUDE_WITNESSES:
+            return ""
+        self._known, self._streak = known, 0
+        self.missing = reason.replace("_", " ")
+        return "" if first else "attitude_back" if known else "attitude_lost"
 
 
 class AttitudeBuffer:
@@ -59,6 +91,7 @@ class AttitudeBuffer:
         self._rate_variance = 0.0
         self._tilt_rate2 = 0.0
         self._delay = RateDelay(self._s.attitude_noise_rad)
+        self._wander = AttitudeWander()
 
     @property
     def newest_us(self) -> int | None:
@@ -73,6 +106,7 @@ class AttitudeBuffer:
         self._times.append(boot_us)
         self._attitudes.append(attitude)
         self._follow_swing(attitude, step_s)
+        self._wander.feed(boot_us, attitude, self._delay.s)
         if self._times[-1] - self._times[0] > 2 * KEEP_US:
             old = bisect_left(self._times, boot_us - KEEP_US)
             del self._times[:old], self._attitudes[:old]
@@ -118,9 +152,8 @@ class AttitudeBuffer:
         start = matrix_from_euler(before.roll, before.pitch, before.yaw)
         if times[k - 1] == boot_us:
             std = self._std(before, before, 0.0, moment_std_s)
-            return BodyAttitude(
-                start, std, self._tilt_std(moment_std_s), self._turn_rate(k - 1, k - 1, boot_us)
-            )
+            tilt_std, turn_rate = self._tilt_std(moment_std_s), self._turn_rate(k - 1, k - 1, boot_us)
+            return BodyAttitude(start, std, tilt_std, turn_rate, self._walk())
         after = self._attitudes[k]
         gap_us = times[k] - times[k - 1]
         if gap_us > self._max_gap_us:
@@ -140,7 +173,11 @@ class AttitudeBuffer:
         std = self._std(before, after, blind_us * 1e-6, moment_std_s)
         if rate is None:
             rate = self._turn_rate(k - 1, k, boot_us)
-        return BodyAttitude(attitude, std, self._tilt_std(moment_std_s), rate)
+        return BodyAttitude(attitude, std, self._tilt_std(moment_std_s), rate, self._walk())
+
+    def _walk(self) -> Vector | None:
+        std = self._wander.std
+        return std if std.any() else None
 
     def _turn_rate(self, first: int, last: int, boot_us: int) -> Vector:
         """The rate of turn (3,) rad/s between attitudes ``first`` and ``last``, without the filter's delay."""

@@ -96,6 +96,7 @@ class Consent:
             vehicle=v.kind,
             allowed_vehicles=frozenset(name.lower() for name in self._s.vehicle_types),
             stale=stale,
+            attitude_missing=Code.ATTITUDE_MISSING in wrong,
             two_vehicles=Code.TWO_VEHICLES in wrong,
             calibrated=Code.UNCALIBRATED not in wrong,
             camera_frozen=Code.CAMERA_FROZEN in wrong,

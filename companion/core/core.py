@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.core.approach import Approach, Ordered
-from companion.core.attitude import BodyAttitude
+from companion.core.attitude import BodyAttitude, FramesAttitude
 from companion.core.camera_times import CameraTimes
 from companion.core.decision_logic import DecisionLogic, Followed, LandRequest
 from companion.core.estimator_doubt import ASSUMED_VELOCITY_STD
@@ -29,11 +29,7 @@ from landing.ground.spots import Disc
 from landing.observation import Observation
 from landing.options import DecisionOptions, Options
 from landing.pipeline import SurfacePipeline
-from landing.rotations import euler_from_matrix
 from landing.vision.camera import CameraModel
-
-ATTITUDE_WITNESSES = 3
-"""Frames in a row without an attitude (or with one again) before an event reports it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +68,7 @@ def observation_of(ready: ReadyFrame) -> Observation:
         delay_s=ready.delay_s,
         range_m=math.nan if ready.range_m is None else ready.range_m[0],
         range_std_m=math.nan if ready.range_m is None else ready.range_m[1],
+        rotation_wander=attitude.wander,
     )
 
 
@@ -123,8 +120,7 @@ class Core:
         self._health_period_us = round(settings.health.period_s * 1e6)
         self._health_due_us: int | None = None
         self._stale: frozenset[str] = frozenset()
-        self._attitude_known: bool | None = None
-        self._attitude_streak = 0
+        self._attitudes = FramesAttitude()
         self._recurring = RecurringEvents()
         self._frame_number: int | None = None
         self._seen: tuple[int, int] | None = None
@@ -204,8 +200,8 @@ class Core:
         if not refusals:
             self._health.count(sample, self._sync.now_us)
         if isinstance(sample, Refusal):
-            if sample.reason is RefusalCode.SECOND_VEHICLE and not self._health.vehicles_clash:
-                self._health.vehicles_clash = True
+            second = sample.reason is RefusalCode.SECOND_VEHICLE
+            if second and self._health.second_vehicle(self._sync.now_us):
                 out.append(event("second_vehicle", None, sample.arrival_us, details={"heard": sample.detail}))
         elif isinstance(sample, Frame):
             self._frame_number = sample.number
@@ -249,22 +245,14 @@ class Core:
         out.append(Processed(frame, estimate, self._camera.mask))
         out += self._ground.step(estimate, ready.exposure_us, boot_s)
         self._seen = ready.time_us, self._sync.now_us
-        out += self._logic.see(estimate, self._sync.now_us, ready.exposure_us, _yaw(observation))
+        out += self._logic.see(estimate, self._sync.now_us, ready.exposure_us, observation.ned_from_body)
 
     def _watch_attitude(self, ready: ReadyFrame, out: list[Output]) -> None:
         """Report when frames begin to lack an attitude, and when they have one again."""
-        reason = ready.attitude if isinstance(ready.attitude, str) else ""
-        known = not reason
-        if known == self._attitude_known or reason == "no_telemetry":
-            self._attitude_streak = 0
-            return
-        self._attitude_streak += 1
-        first = self._attitude_known is None and known
-        if first or self._attitude_streak >= ATTITUDE_WITNESSES:
-            self._attitude_known, self._attitude_streak = known, 0
-            if not first:
-                name, text = ("attitude_back", "") if known else ("attitude_lost", _words(reason))
-                out.append(event(name, ready.frame.number, ready.exposure_us, text))
+        changed = self._attitudes.step(ready.attitude)
+        self._health.attitude_missing = self._attitudes.missing
+        if changed:
+            out.append(event(changed, ready.frame.number, ready.exposure_us, self._attitudes.missing))
 
     def _watch_contradictions(self, ready: ReadyFrame, out: list[Output]) -> None:
         """Report which comparison of images and vehicle begins to fail, and when none does any more."""
@@ -303,6 +291,8 @@ class Core:
         now_us, period_us = self._sync.now_us, self._health_period_us
         if now_us == 0:
             return
+        if self._health.second_vehicle_gone(now_us):
+            out.append(event("second_vehicle_gone", None, self._sync.raw_us()))
         if self._seen is not None:
             time_us, seen_us = self._seen
             out += self._logic.watch(now_us, self._sync.raw_us(), (time_us + now_us - seen_us) * 1e-6)
@@ -337,11 +327,6 @@ class Core:
         self._health.masked = self._masked.share
         self._health.readout_unknown = self._health.telemetry and self._times.readout_unknown
         out.append(self._health.message(now_us, raw_us, clocks))
-
-
-def _yaw(observation: Observation) -> float:
-    attitude = observation.ned_from_body
-    return math.nan if attitude is None else euler_from_matrix(attitude)[2]
 
 
 def _words(name: str) -> str:

@@ -1,10 +1,11 @@
 """From estimates to the decision and, rarely, the request to land; and what became of that request."""
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import msgspec
+import numpy as np
+from numpy.typing import NDArray
 
 from companion.core.approach import Approach, Ordered
 from companion.core.command import Command, CommandChange, CommandState
@@ -31,6 +32,8 @@ from landing.estimate import SurfaceEstimate
 from landing.ground.landing_area import LandingArea
 from landing.options import DecisionOptions
 from landing.reasons import Code, Reason, codes, in_words
+
+Array = NDArray[np.float64]
 
 SECOND_US = 1_000_000
 
@@ -111,9 +114,9 @@ class DecisionLogic:
         self._consent.permission.end(Withheld.OWN_HOLD)
 
     def see(
-        self, estimate: SurfaceEstimate, now_us: int, time_unix_us: int, yaw: float = math.nan
+        self, estimate: SurfaceEstimate, now_us: int, time_unix_us: int, attitude: Array | None = None
     ) -> list[Output]:
-        """Take the next estimate; ``yaw`` in rad at its exposure."""
+        """Take the next estimate; ``attitude`` is ned_from_body (3, 3) at its exposure."""
         out: list[Output] = []
         self._verdict = verdict = self._believed(self._decider.step(estimate))
         self._frame = estimate.frame
@@ -125,7 +128,7 @@ class DecisionLogic:
             details = {"verdict": verdict.verdict, "reasons": list(reasons)}
             out.append(event("decision_changed", estimate.frame, time_unix_us, text, details))
         if self._approach is not None:
-            ordered = self._approach.see(estimate, yaw, now_us, time_unix_us, busy=self._landing)
+            ordered = self._approach.see(estimate, attitude, now_us, time_unix_us, busy=self._landing)
             out += self._obeyed(ordered, time_unix_us)
         return out + self.decide(now_us, time_unix_us, seen=estimate.flat)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from companion.messages.conditions import Code, Condition, condition, gravest_first, state_of
 from companion.messages.messages import Health, InputHealth
 from companion.settings.settings import HealthSettings
-from drivers.refusals import RefusalCode
+from drivers.refusals import SECOND_GONE_S, RefusalCode
 from drivers.samples import (
     Attitude,
     ClockOffset,
@@ -132,6 +132,9 @@ class HealthMonitor:
         self._reported_us: int | None = None
         self.counters: Counter[str] = Counter()
         self.vehicles_clash = False
+        self._second_us: int | None = None
+        self.attitude_missing = ""
+        """Why frames have no attitude, in words; empty while they have one."""
         self.camera_frozen = False
         self.contradictions: tuple[str, ...] = ()
         """Comparisons of the pictures' motion with the vehicle's that fail: statuses of an estimate."""
@@ -168,6 +171,20 @@ class HealthMonitor:
         self.counters[f"refused {name}: {reason}"] += 1
         if name in self._inputs:
             self._inputs[name].refused += 1
+
+    def second_vehicle(self, now_us: int) -> bool:
+        """A second vehicle was heard; whether it is new."""
+        new = not self.vehicles_clash
+        self.vehicles_clash, self._second_us = True, now_us
+        return new
+
+    def second_vehicle_gone(self, now_us: int) -> bool:
+        """Whether the second vehicle has just been silent for so long that it counts as gone."""
+        last_us = self._second_us
+        if last_us is None or now_us - last_us <= SECOND_GONE_S * 1e6:
+            return False
+        self.vehicles_clash, self._second_us = False, None
+        return True
 
     def state(self, name: str, now_us: int) -> str:
         """Of one input: "ok", "stale", "missing" (never came)."""
@@ -217,6 +234,8 @@ class HealthMonitor:
             yield condition(Code.VELOCITY_UNKNOWN)
         elif self.tilt_unaided:
             yield condition(Code.ATTITUDE_UNSURE)
+        if self.attitude_missing:
+            yield condition(Code.ATTITUDE_MISSING, detail=self.attitude_missing)
         if self.vehicles_clash:
             yield condition(Code.TWO_VEHICLES)
         if self.wrong_size:

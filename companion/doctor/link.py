@@ -172,7 +172,7 @@ class LinkExamination:
                 Finding(
                     "messages",
                     "warning",
-                    "the vehicle appeared too late to tell",
+                    "the vehicle appeared too late to measure rates",
                     "look again, or --seconds 10",
                 )
             ]

@@ -1,4 +1,7 @@
-"""Pictures through the pipeline, once for every estimator method, and the statistics of errors."""
+"""Runs the pipeline over images, once for every estimator method, and computes the statistics of errors.
+
+In: grey images, the camera, and the attitudes where they are known. Out: ``SurfaceEstimate`` per image and method.
+"""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -157,6 +157,6 @@ def section(outcomes: list[Outcome], out: Path) -> Section:
                 "an offset by the vehicle's pitch",
                 f"pitch {pitch:.1f} deg; {lines[False]}",
             ),
-            Comparison("stairs, attitude subtracted", "the stairs stand out from the floor", lines[True]),
+            Comparison("stairs, attitude subtracted", "the stairs differ from the floor", lines[True]),
         ],
     )

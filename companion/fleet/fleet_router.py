@@ -9,7 +9,7 @@ from drivers.bus import IMPORTANT_BATCHES
 
 HEAD = """\
 // A zenoh router for a fleet: everybody shows a certificate, a vehicle can write only under its own name,
-// a watcher can write nothing, and whoever is not named here can do nothing at all.
+// a watcher can write nothing, and a certificate that is not named here can do nothing at all.
 // Made by 'landslope fleet router'; docs/fleet.md says how to use it.
 """
 WRITING = ["put", "delete", "reply", "declare_queryable", "liveliness_token"]

@@ -59,6 +59,7 @@ SHORT_CONDITIONS = {
     ConditionCode.CLOCKS_UNRELATED: "autopilot's time not known",
     ConditionCode.CAMERA_FROZEN: "picture frozen",
     ConditionCode.MASK_LARGE: "mask too large",
+    ConditionCode.ATTITUDE_MISSING: "no attitude for pictures",
     ConditionCode.TWO_VEHICLES: "two vehicles, set system_id",
     ConditionCode.UNCALIBRATED: "camera not calibrated",
     ConditionCode.RECORDING_STOPPED: "not recording",

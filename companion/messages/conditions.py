@@ -27,6 +27,7 @@ class Code(StrEnum):
     HEIGHT_CONTRADICTS = "height_contradicts"
     VELOCITY_UNKNOWN = "velocity_unknown"
     ATTITUDE_UNSURE = "attitude_unsure"
+    ATTITUDE_MISSING = "attitude_missing"
     TWO_VEHICLES = "two_vehicles"
     IMAGE_SIZE = "image_size"
     READOUT_UNKNOWN = "readout_unknown"
@@ -66,6 +67,7 @@ KINDS = {
     Code.HEIGHT_CONTRADICTS: Kind(
         "error", "height: the rangefinder does not agree with the velocity and the pictures' motion"
     ),
+    Code.ATTITUDE_MISSING: Kind("error", "the frames have no attitude: {detail}", forbids_landing=True),
     Code.TWO_VEHICLES: Kind("error", "two vehicles on the link: set vehicle.system_id", forbids_landing=True),
     Code.IMAGE_SIZE: Kind("error", "camera: {detail}", forbids_landing=True),
     Code.UNCALIBRATED: Kind("warning", "the camera is not calibrated", forbids_landing=True),

@@ -49,6 +49,7 @@ EVENTS = {
     "attitude_lost": ("warning", "frames have no attitude"),
     "attitude_back": ("info", "frames have an attitude again"),
     "second_vehicle": ("error", "a second vehicle speaks on the link"),
+    "second_vehicle_gone": ("info", "the second vehicle was not heard for ten seconds"),
     "input_stale": ("warning", "an input stopped"),
     "date_known": ("info", "the date is known from now on; times that are published are right"),
     "date_corrected": ("warning", "the date was corrected; times that are published step"),

@@ -1,4 +1,8 @@
-"""The message of the ground map: what of the ground can be landed on, and at its own rate the map itself."""
+"""The ``ground`` message: the discs below and at the stopping point, the landing spots, and at a lower rate the map.
+
+In: the ``GroundReport`` of a frame (NaN: unknown) and, when it is due, a ``MapView``. Out: the message, null where
+unknown.
+"""
 
 import base64
 from typing import Annotated, Any

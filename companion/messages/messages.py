@@ -78,6 +78,10 @@ class ProcedureState(msgspec.Struct, frozen=True, kw_only=True):
     ] = None
     spot_north_m: Annotated[float | None, about("the chosen place, from the vehicle", "m")] = None
     spot_east_m: Annotated[float | None, about("the chosen place, from the vehicle", "m")] = None
+    spot_ahead_m: Annotated[float | None, about("the chosen place, ahead of the vehicle, level", "m")] = None
+    spot_right_m: Annotated[float | None, about("the chosen place, to the vehicle's right, level", "m")] = (
+        None
+    )
 
 
 class Decision(msgspec.Struct, frozen=True, kw_only=True):

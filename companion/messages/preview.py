@@ -1,4 +1,4 @@
-"""A small picture with the tracks on it, for whoever watches: published only while somebody subscribes."""
+"""A small picture with the tracks on it, published only while somebody subscribes."""
 
 import math
 from typing import Annotated, Any

@@ -1,4 +1,4 @@
-"""The surface as a plane in the vehicle's heading, for whoever draws it."""
+"""The surface as a plane in the vehicle's heading, for drawings."""
 
 import math
 from dataclasses import dataclass

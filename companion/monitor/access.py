@@ -1,4 +1,4 @@
-"""Who may see the page: on loopback whoever sits at the machine, elsewhere who knows the token."""
+"""Access to the page: on loopback every user of the machine, elsewhere those who know the token."""
 
 import asyncio
 import hashlib

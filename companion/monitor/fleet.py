@@ -1,4 +1,8 @@
-"""All vehicles at a glance, those first who need attention."""
+"""The fleet view of the page: one card per vehicle, those that need attention first.
+
+In: the ``Watch`` with the newest messages of every vehicle, and the monotonic time in s. Out: a ``View`` for one
+refresh of the page, and the HTML of a card.
+"""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,7 +17,11 @@ LONGEST_REASON = 90
 
 @dataclass(frozen=True, slots=True)
 class Card:
-    """One vehicle in the fleet view; a lower ``rank`` needs attention sooner."""
+    """One vehicle in the fleet view; a lower ``rank`` needs attention sooner.
+
+    ``look``: CSS class of the verdict; ``sign`` and ``word``: the verdict as symbol and text; ``reason``: the first
+    reason against a landing; ``age``: time since the newest message, as text; ``battery``: as text, empty if unknown.
+    """
 
     rank: int
     name: str
@@ -49,13 +57,13 @@ def card_of(vehicle: Vehicle, silent: bool, now_s: float) -> Card:
 
 
 def in_order(cards: Iterable[Card]) -> list[Card]:
-    """By who needs attention, then by name."""
+    """By rank, then by name."""
     return sorted(cards, key=lambda card: (card.rank, card.name))
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What one refresh shows, copied under the lock so that it belongs together."""
+    """What one refresh shows, copied under one lock. ``silent``: names, seconds; ``events`` of ``vehicle``."""
 
     cards: list[Card]
     vehicle: Vehicle | None
@@ -64,7 +72,7 @@ class View:
 
 
 def view_of(watch: Watch, chosen: str | None, now_s: float) -> View:
-    """The vehicles, the chosen one (the first that is heard while none is), and who is silent how long."""
+    """The state of all vehicles; while none is chosen, the first one that is not silent is shown."""
     watch.tick(now_s)
     with watch.lock:
         vehicles = sorted(watch.vehicles.values(), key=lambda v: v.name)

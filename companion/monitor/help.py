@@ -23,8 +23,8 @@ input{width:100%}button{min-height:48px}.wrong{background:#a80019;color:#fff;pad
 <form method="post" action="/login"><p><label for="token">Token</label><br>
 <input id="token" name="token" type="password" required autofocus autocomplete="current-password"></p>
 <p><button>Watch</button></p></form>
-<p>The token is the first line of the file that the monitor was started with (<code>--token-file</code>). Whoever
-started it can read it to you. This page shows vehicles; it cannot command them.</p></main></body></html>"""
+<p>The token is the first line of the file that the monitor was started with (<code>--token-file</code>). The
+person who started it can read it to you. This page shows vehicles; it cannot command them.</p></main></body></html>"""
 
 LOGIN_PAGE = _LOGIN.replace("MESSAGE", "").encode()
 WRONG_TOKEN_PAGE = _LOGIN.replace(

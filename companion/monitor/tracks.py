@@ -1,4 +1,7 @@
-"""The tracks over the preview, as SVG: relief as colour, and outliers in another colour and shape."""
+"""The tracks over the preview picture, as SVG: relief as colour, outliers as orange crosses.
+
+In: a ``Preview`` message (tracks in pixels of the raw image). Out: SVG elements, and the numbers of tracks as text.
+"""
 
 import itertools
 import math
@@ -8,7 +11,7 @@ from companion.messages.preview import Preview
 INLIER, OUTLIER = "#00e05a", "#ff9f1a"
 LEVEL, LOW, HIGH = (0, 224, 90), (50, 120, 255), (255, 40, 40)
 RELIEF = 0.04
-"""Height over the plane, over the distance, from which a colour is full."""
+"""Height above the plane divided by the distance, from which a colour is full."""
 LARGEST_PX = 100_000.0
 MOST_TRACKS = 1000
 

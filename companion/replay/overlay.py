@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from companion.messages.ground import Ground
 from companion.messages.messages import Decision
-from companion.replay.overlay_ground import draw_disc, relief_colour
+from companion.replay.overlay_ground import DISC_COLOURS, draw_disc, relief_colour
 from companion.replay.procedure_spans import steered
 from drivers.files.video_writer import VideoWriter, open_video
 from landing.estimate import SurfaceEstimate
@@ -28,6 +28,7 @@ WORDS = {"fit": "FIT FOR LANDING", "unfit": "NOT FIT", "unknown": "UNKNOWN"}
 INLIER: Colour = (90, 220, 120)
 OUTLIER: Colour = (60, 110, 255)
 WHITE: Colour = (255, 255, 255)
+SPOT: Colour = (255, 90, 200)
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 GRID_LINES = 7
 GRID_SHARE = 0.62
@@ -63,7 +64,9 @@ def draw(image: Image, estimate: SurfaceEstimate, camera: CameraModel, scene: Sc
         _draw_side_view(picture, estimate, COLOURS[verdict])
         if scene.ground is not None:
             up = _vertical(estimate, camera)
-            draw_disc(picture, estimate, camera, scale, up, scene.radius_m, scene.ground.below.verdict)
+            shade = DISC_COLOURS.get(scene.ground.below.verdict, DISC_COLOURS["unknown"])
+            draw_disc(picture, estimate, camera, scale, up, scene.radius_m, shade)
+        _draw_spot(picture, estimate, camera, scale, scene)
     _draw_banner(picture, verdict, scene, reasons(estimate, scene.decision))
     _draw_figures(picture, estimate, scene)
     _draw_procedure(picture, scene.decision)
@@ -285,6 +288,19 @@ def _draw_procedure(picture: Image, decision: Decision | None) -> None:
         words += f" ({doing.spot_north_m:.1f} m north, {doing.spot_east_m:.1f} m east)"
     words = _fitting(words, width - 2 * (bar // 3), size)
     _text(picture, words, (bar // 3, top + int(0.7 * bar)), size, WHITE)
+
+
+def _draw_spot(
+    picture: Image, estimate: SurfaceEstimate, camera: CameraModel, scale: int, scene: Scene
+) -> None:
+    """The disc of the place that the landing procedure has chosen."""
+    doing = None if scene.decision is None else steered(scene.decision)
+    if doing is None or doing.spot_ahead_m is None or doing.spot_right_m is None:
+        return
+    aside_m = doing.spot_ahead_m, doing.spot_right_m
+    up = _vertical(estimate, camera)
+    for radius_m in (scene.radius_m, 0.1 * scene.radius_m):
+        draw_disc(picture, estimate, camera, scale, up, radius_m, SPOT, aside_m)
 
 
 def _draw_figures(picture: Image, estimate: SurfaceEstimate, scene: Scene) -> None:

@@ -43,9 +43,10 @@ def draw_disc(
     scale: int,
     up: NDArray[np.float64] | None,
     radius_m: float,
-    verdict: str,
+    colour: Colour,
+    aside_m: tuple[float, float] = (0.0, 0.0),
 ) -> None:
-    """The edge of the disc straight below, on the plane, in the colour of the ground map's verdict."""
+    """The edge of a disc on the plane: straight below, or so far ahead and to the right of there."""
     if up is None or not (estimate.height_m > 0 and radius_m > 0):
         return
     slope = np.array([math.tan(math.radians(s)) for s in (estimate.slope_x_deg, estimate.slope_y_deg)])
@@ -54,16 +55,18 @@ def draw_disc(
     if not slant > 0:
         return
     below = down / slant
-    first = np.cross((0.0, 1.0, 0.0), up)
-    first /= np.linalg.norm(first)
+    ahead = camera.body_from_camera[0] - (camera.body_from_camera[0] @ up) * up
+    ahead /= np.linalg.norm(ahead)
+    right = np.cross(ahead, up)
     angle = np.linspace(0, 2 * math.pi, 49)[:, None]
-    edge = below + radius_m / estimate.height_m * (
-        np.cos(angle) * first + np.sin(angle) * np.cross(up, first)
-    )
+    # camera axes are right-handed with the third one down: ahead x up is to the right
+    aside = (aside_m[0] + radius_m * np.cos(angle)) * ahead + (aside_m[1] + radius_m * np.sin(angle)) * right
+    edge = below + aside / estimate.height_m
+    # where that lies on the plane
+    edge /= (edge[:, 2] - edge[:, :2] @ slope)[:, None]
     if (edge[:, 2] < 0.05).any():
         return
     pixels = (camera.project(edge[:, :2] / edge[:, 2:]) + 0.5) * scale - 0.5
     if not (np.abs(pixels) < 1e5).all():
         return
-    colour = DISC_COLOURS.get(verdict, DISC_COLOURS["unknown"])
     cv2.polylines(picture, [np.rint(pixels).astype(np.int32)], True, colour, 3, cv2.LINE_AA)

@@ -1,4 +1,8 @@
-"""A flight at a glance: inclination, slopes, time to contact, ventral flow, roughness and the verdict over time."""
+"""The plot of ``landslope replay --plot``: verdict, inclination, slopes, time to contact, ventral flow and
+roughness over time.
+
+In: the ``History`` of a replay and the limits of the decision. Out: a PNG file.
+"""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any

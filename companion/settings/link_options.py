@@ -80,6 +80,6 @@ def _refuse_open(forward: Sequence[str]) -> None:
     for connection in forward:
         if not is_local(parse_port(connection)):
             raise LandslopeError(
-                f"mavlink.forward: '{connection}' is not on this machine: whoever reaches it commands the vehicle; "
+                f"mavlink.forward: '{connection}' is not on this machine: anybody who reaches it commands the vehicle; "
                 "use a loopback address, or set mavlink.forward_open = true"
             )

@@ -74,7 +74,8 @@ class MavlinkSettings:
         tuple[str, ...], Meaning('endpoints of other programs on the same link, as "udpout:127.0.0.1:14560"')
     ] = ()
     forward_open: Annotated[
-        bool, Meaning("allow mavlink.forward to addresses off this machine: whoever reaches them can command")
+        bool,
+        Meaning("allow mavlink.forward to addresses off this machine: anybody who reaches them can command"),
     ] = False
     signing_key: Annotated[
         str,

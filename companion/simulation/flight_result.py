@@ -76,13 +76,13 @@ class FlightResult:
     touch_down: TouchDown | None = None
     touch_ground: Patch | None = None
     longest_fit_s: float = 0.0
-    """Longest time for which plainly fit ground was in view without a break, where that was followed."""
+    """Longest time for which clearly fit ground was in view without a break, where that was followed."""
     longest_chance_s: float = 0.0
     """Of that, while the ground straight below was in view from a height at which it can be measured."""
     limit_deg: float = 10.0
     """Steepest ground that the settings land on."""
     unfit_seen: bool = False
-    """Whether plainly unfit ground was ever in view."""
+    """Whether clearly unfit ground was ever in view."""
     folder: Path | None = None
     """The flight folder that was recorded."""
     problems: list[str] = field(default_factory=list)
@@ -184,7 +184,7 @@ def in_words(result: FlightResult) -> str:
 
 
 def _described(truth: FrameTruth, fitness: Fitness) -> str:
-    word = {"fit": "fit for it", "unfit": "NOT fit for it", "between": "neither plainly fit nor unfit"}[
+    word = {"fit": "fit for it", "unfit": "NOT fit for it", "between": "neither clearly fit nor unfit"}[
         fitness
     ]
     if not math.isfinite(truth.relief):

@@ -21,9 +21,9 @@ Array = NDArray[np.float64]
 Fitness = Literal["fit", "unfit", "between"]
 
 EVEN, UNEVEN = 0.003, 0.015
-"""Relief over distance of ground that is plainly even, and plainly not."""
+"""Relief over distance of ground that is clearly even, and clearly not."""
 SLOPE_MARGIN_DEG = 2.0
-"""Plainly fit is gentler than the limit by this, plainly unfit steeper by this."""
+"""Clearly fit is gentler than the limit by this, clearly unfit steeper by this."""
 PATCH_M = 0.5
 """Radius of the ground that is looked at under a vehicle: it stands on that, however it is turned."""
 PATCH_POINTS = 11
@@ -45,7 +45,7 @@ class Patch:
 
 
 def unsafe(patch: Patch, max_inclination_deg: float) -> bool:
-    """Whether the ground below a place is plainly no ground to land on."""
+    """Whether the ground below a place is clearly no ground to land on."""
     return patch.inclination_deg >= max_inclination_deg + SLOPE_MARGIN_DEG or patch.deviation_m >= UNEVEN_M
 
 
@@ -62,7 +62,7 @@ def patch(world: World, north: float, east: float, radius_m: float = PATCH_M) ->
 
 
 def fitness(truth: FrameTruth, max_inclination_deg: float) -> Fitness:
-    """Whether the ground in view at a frame is plainly fit for landing, plainly unfit, or neither."""
+    """Whether the ground in view at a frame is clearly fit for landing, clearly unfit, or neither."""
     if not math.isfinite(truth.relief):
         return "unfit"
     if truth.relief >= UNEVEN or truth.fit_inclination_deg >= max_inclination_deg + SLOPE_MARGIN_DEG:

@@ -13,7 +13,7 @@ from drivers.commands import NAV_LAND
 from drivers.simulated.vehicle.ardupilot_json import PORT, JsonBackend
 from drivers.simulated.vehicle.autopilot import LinkFaults, SimulatedAutopilot
 from drivers.simulated.vehicle.flight_controller import FlightController
-from drivers.simulated.vehicle.followed import FollowedVehicle
+from drivers.simulated.vehicle.followed import FollowedClock, FollowedVehicle
 from drivers.simulated.vehicle.mavlink_pilot import MavlinkPilot
 from drivers.simulated.vehicle.vehicle import Multirotor
 
@@ -21,8 +21,6 @@ STEP_HZ = 250.0
 WAITING_POSES = 1000
 ASK_POSES_S = 2.0
 POSE_WAIT_S = 0.02
-LONGEST_PAUSE_S = 0.1
-"""Between two poses, the time is reckoned on for so long."""
 SITL_S = 60.0
 """How long a SITL may take to send its first packet."""
 
@@ -241,7 +239,8 @@ class Sih(_Piloted):
         self._before: Hook = lambda time_s: None
         self._after: Hook = lambda time_s: None
         self._told: deque[Any] = deque(maxlen=WAITING_POSES)
-        self._last: tuple[float, float] = (0.0, 0.0)
+        self._clock = FollowedClock()
+        self._taken_s = 0.0
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="sih", daemon=True)
 
@@ -260,8 +259,8 @@ class Sih(_Piloted):
 
     @property
     def now_s(self) -> float:
-        at, time_s = self._last
-        return time_s + min(time.monotonic() - at, LONGEST_PAUSE_S) if at else self._vehicle.time_s
+        now_s = self._clock.now_s()
+        return self._vehicle.time_s if now_s is None else now_s
 
     def _run(self) -> None:
         """One pose after the other; each is a step of the physics for those who look on."""
@@ -269,7 +268,7 @@ class Sih(_Piloted):
         asked_s = -ASK_POSES_S
         while not self._stop.is_set():
             self._pilot.listen(POSE_WAIT_S)
-            if time.monotonic() - asked_s > ASK_POSES_S and time.monotonic() - self._last[0] > ASK_POSES_S:
+            if time.monotonic() - asked_s > ASK_POSES_S and time.monotonic() - self._taken_s > ASK_POSES_S:
                 asked_s = time.monotonic()
                 self._pilot.ask_poses()
             while self._told:
@@ -281,7 +280,8 @@ class Sih(_Piloted):
             return
         self._before(self._vehicle.time_s)
         if self._followed.odometry(message):
-            self._last = (time.monotonic(), self._vehicle.time_s)
+            self._taken_s = time.monotonic()
+            self._clock.feed(self._vehicle.time_s, self._taken_s)
             self._after(self._vehicle.time_s)
 
 

@@ -45,6 +45,9 @@ LONGEST_LANDING_S = 60.0
 STANDS_S = 2.0
 """How long it stands on the ground, disarmed, before the flight is over."""
 
+PRECISION_LANDING = {"PLND_ENABLED": 1.0, "PLND_TYPE": 1.0}
+"""Parameters of an ArduCopter that follows LANDING_TARGET."""
+
 Progress = Callable[[float, float], None]
 """Called with the time flown and the time there is."""
 
@@ -118,6 +121,9 @@ class _Flight:
         protocol.set_answer(NAV_LAND, scenario.link.land_answer)
         self._link = VirtualLink(scenario, settings, streams, protocol, EPOCH_US, options.record is not None)
         airborne = scenario.start.height_m > 0
+        if settings.landing.procedure == "landing_target":
+            # as docs/procedure_autopilots.md asks for
+            self._controller.parameters.values.update(PRECISION_LANDING)
         if airborne:
             self._controller.start_airborne(scenario.start.mode)
         self._pilot = Pilot(scenario, LocalControls(self._controller), airborne)
@@ -215,7 +221,7 @@ class _Flight:
             self._watch_fit(number, due_s, every / camera.rate_hz)
 
     def _watch_fit(self, number: int, time_s: float, period_s: float) -> None:
-        """How long plainly fit ground has been in view with the pilot's consent."""
+        """How long clearly fit ground has been in view with the pilot's consent."""
         result = self.result
         truth = self._scene.truth(number, time_s)
         word = fitness(truth, self._limit_deg)
@@ -290,6 +296,8 @@ class _Flight:
             self._link.fly(time_s, order.velocity_ned)
         elif order.kind is OrderKind.STOP:
             self._link.hold(time_s)
+        elif order.kind is OrderKind.TARGET:
+            self._link.target(time_s, order.target_ned, ordered.time_unix_us)
 
     def _patch(self, north_m: float, east_m: float) -> Patch:
         """The ground about a place; a procedure that chose it is held to the disc that the settings ask for."""

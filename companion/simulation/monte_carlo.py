@@ -21,7 +21,7 @@ from drivers.system.pools import Pool, each, processes
 
 TRUTH_EVERY = 5
 OPPORTUNITY_S = 2.5
-"""Plainly fit ground below, seen from low enough for this long without a break, everything in order, and no request:
+"""Clearly fit ground below, seen from low enough for this long without a break, everything in order, and no request:
 missed."""
 WRONG = ("unsafe", "view", "missed")
 AHEAD = 4
@@ -39,8 +39,8 @@ class Run:
     ground: str
     fault: str
     outcome: str
-    """"right", "unsafe" (it landed on ground that is plainly not to land on), "view" (requested with plainly unfit
-    ground somewhere in view, but none where it landed), "missed", "between" (requested, neither plainly),
+    """"right", "unsafe" (it landed on ground that is clearly not to land on), "view" (requested with clearly unfit
+    ground somewhere in view, but none where it landed), "missed", "between" (requested, neither clearly),
     "crashed" (``error`` says why)."""
     requested_s: float | None
     inclination_deg: float | None
@@ -51,7 +51,7 @@ class Run:
     """Of the circle of half a metre about the place where it touched down."""
     unfit_in_view: bool
     fit_s: float
-    """Longest time of plainly fit ground in view without a break."""
+    """Longest time of clearly fit ground in view without a break."""
     chance_s: float
     """Of that, while the ground straight below was in view, from a height at which it can be measured."""
     elapsed_s: float
@@ -97,7 +97,7 @@ class Report:
 
     @property
     def requested_on_unfit(self) -> Share:
-        """Of the flights that saw plainly unfit ground."""
+        """Of the flights that saw clearly unfit ground."""
         seen = [r for r in self.runs if r.unfit_in_view or r.outcome in ("unsafe", "view")]
         return Share(sum(r.outcome == "unsafe" for r in seen), len(seen))
 
@@ -124,7 +124,7 @@ class Report:
 
     @property
     def held_back(self) -> int:
-        """Flights with plainly fit ground in view, but too far below or not where they would land."""
+        """Flights with clearly fit ground in view, but too far below or not where they would land."""
         return sum(
             r.outcome == "right"
             and r.requested_s is None
@@ -138,9 +138,9 @@ class Report:
         kinds = Counter(r.ground for r in self.runs)
         lines = [
             f"{len(self.runs)} flights in {self.elapsed_s:.0f} s",
-            f"  landing requested on plainly unfit ground   {self.requested_on_unfit}",
+            f"  landing requested on clearly unfit ground   {self.requested_on_unfit}",
             f"  requested with such ground beside           {self.unfit_in_view}",
-            f"  landing missed on plainly fit ground        {self.missed}",
+            f"  landing missed on clearly fit ground        {self.missed}",
             f"  held back: fit ground too far down or aside {self.held_back}",
             f"  requested on ground that is neither         {sum(r.outcome == 'between' for r in self.runs)}",
             f"  the software broke                          {self.crashes}",

@@ -20,9 +20,9 @@ from landing.decision.orders import State
 
 GRID_M = 0.1
 SPARE_M = 0.2
-"""Ground about the vehicle's disc that must be as good for a place to be plainly landable."""
+"""Ground about the vehicle's disc that must be as good for a place to be clearly landable."""
 EVEN_M = 0.03
-"""Deviation from its plane of a disc that is plainly landable."""
+"""Deviation from its plane of a disc that is clearly landable."""
 LANDED = "landed"
 
 
@@ -33,7 +33,7 @@ class Outcome:
     outcome: str
     ended: str
     reachable: bool
-    """Whether there was a plainly landable disc within reach."""
+    """Whether there was a clearly landable disc within reach."""
     place_error_m: float | None
     """From the place that it handed over for to the touchdown."""
     hand_over_m_s: float | None

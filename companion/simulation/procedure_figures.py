@@ -29,8 +29,11 @@ class Flown:
 def flown(result: "FlightResult") -> Flown:
     """Of one flight; the height is over the ground below, the place is where the hand-over believed it."""
     steps, path = result.steps, result.path
-    begun = next((s.time_s for s in steps if s.step.order.kind is OrderKind.START), NAN)
-    last = next((s for s in reversed(steps) if s.step.order.kind is OrderKind.LAND), None)
+    kinds = (OrderKind.START, OrderKind.TARGET)
+    begun = next((s.time_s for s in steps if s.step.order.kind in kinds), NAN)
+    # a landing autopilot is sent the place to the end
+    handed = next((s for s in reversed(steps) if s.step.order.kind is OrderKind.LAND), None)
+    last = handed or next((s for s in reversed(steps) if s.step.order.kind is OrderKind.TARGET), None)
     descent = [s for s in steps if s.step.state is State.DESCEND] if path else []
     from_s, values, k = (descent[0].time_s + SETTLED_S if descent else NAN), [], 0
     for s in descent:
@@ -53,7 +56,7 @@ def flown(result: "FlightResult") -> Flown:
     return Flown(
         statistics.fmean(values) if values else NAN,
         statistics.pstdev(values) if len(values) > 1 else NAN,
-        last.velocity[2] if last is not None else NAN,
+        handed.velocity[2] if handed is not None else NAN,
         (touch.time_s if touch is not None else steps[-1].time_s) - begun if steps else NAN,
         error,
     )

@@ -1,4 +1,8 @@
-"""Changes of a random scenario by which ground or sensors are against the vehicle."""
+"""Changes of a random scenario that make ground, sensors or view difficult: one function per class of flights.
+
+In: a random scenario and a seeded generator. Out: the scenario with other surfaces, legs or sensors
+(m, m/s, s, degrees).
+"""
 
 import math
 import random
@@ -10,6 +14,7 @@ from companion.simulation.random_scenario import MATERIALS
 from companion.simulation.scenario import Leg, Scenario, StartScene
 
 GROUND_M_S = (0.3, 1.2)
+"""Slowest and fastest speed of ground that moves."""
 
 Surfaces = tuple[dict[str, Any], ...]
 Change = Callable[[Scenario, random.Random], Scenario]
@@ -145,7 +150,7 @@ def _edge(s: Scenario, r: random.Random) -> Scenario:
 
 
 def level(s: Scenario, r: random.Random, material: str = "") -> Scenario:
-    """Fit ground; what is wrong is in the picture."""
+    """Level, fit ground, for classes in which the fault is in the picture."""
     texture = _texture(r) | ({"material": material} if material else {})
     camera = replace(s.camera, brightness=1.0, contrast=1.0, exposure_s=0.0)
     s = replace(s, surfaces=({"kind": "level", **texture},), camera=camera)

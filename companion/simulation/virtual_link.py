@@ -13,6 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.core.command import NAV_LAND, NO_ANSWER
 from companion.settings.settings import Settings
 from companion.simulation.scenario import Scenario
+from drivers.autopilot.landing_target import LandingTarget
 from drivers.mavlink.telemetry import TelemetryDecoder
 from drivers.mavlink.timesync import TimeSync
 from drivers.samples import CommandAnswer, Sample
@@ -53,6 +54,7 @@ class VirtualLink:
         )
         self._companion = mavlink.MAVLink(None, srcSystem=OWN_SYSTEM, srcComponent=OWN_COMPONENT)
         self._decoder = TelemetryDecoder(0, protocol.component_id, OWN_COMPONENT)
+        self._target = LandingTarget()
         self._timesync = TimeSync(1 / settings.mavlink.timesync_rate_hz)
         self._to_vehicle: deque[tuple[float, Any]] = deque()
         self._to_companion: deque[tuple[float, bytes]] = deque()
@@ -89,6 +91,12 @@ class VirtualLink:
             ),
             time_s,
         )
+
+    def target(self, time_s: float, target_ned: tuple[float, float, float], true_at_us: int) -> None:
+        """Send LANDING_TARGET for a place in m from where the vehicle was at ``true_at_us``."""
+        message = self._target.message(target_ned, true_at_us, self._clock_us(time_s))
+        if message is not None:
+            self._send(message, time_s)
 
     def hold(self, time_s: float) -> None:
         """Ask for the mode BRAKE, as MAVSDK's Offboard.stop does with an ArduCopter."""
@@ -142,6 +150,7 @@ class VirtualLink:
                 if isinstance(sample, CommandAnswer):
                     self._in_progress = sample.result == "IN_PROGRESS"
                     self._command_s = self._command_s if self._in_progress else None
+                self._target.feed(sample)
                 samples.append(sample)
         return samples
 

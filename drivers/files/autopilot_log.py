@@ -52,7 +52,7 @@ class AutopilotLog:
         return [sample for sample in self.recorded if isinstance(sample, Attitude)]
 
     def by_round_trips(self, first_us: int, last_us: int) -> "LogInTime | None":
-        """The log in the time of whoever answered at times that overlap the frames' span; None where nobody did."""
+        """The log in the time of the companion that answered during the frames; None where none did."""
         start, end = self.recorded[0].arrival_us, self.recorded[-1].arrival_us
         for trips in self.sources:
             offsets = [trip.offset_us for trip in trips]

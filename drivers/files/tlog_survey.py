@@ -14,7 +14,7 @@ _BOOT_TIMED = {30, 31, 32}
 _ATTITUDES = {30, 31}
 
 STEP_US = 500_000
-"""A smaller step of the recording clock is left to whoever relates the clocks: it cannot disturb the order."""
+"""A smaller step of the recording clock is left to the relation of the clocks: it cannot disturb the order."""
 
 WITNESS = 50
 """Messages on either side of a step that must agree on it; a stalled link catches up, a clock does not."""

@@ -8,7 +8,7 @@ from enum import Enum, auto
 
 from drivers.mavlink.framing import MARKER_V1, WireFrame
 from drivers.mavlink.ports import Address
-from drivers.refusals import RefusalCode
+from drivers.refusals import SECOND_GONE_S, RefusalCode
 
 
 class Sender(Enum):
@@ -68,8 +68,8 @@ class SequenceCheck:
 class VehicleIdentity:
     """Distinguishes the vehicle's frames from others.
 
-    ``system_id`` 0 takes the first autopilot that is heard; another one then makes it ``ambiguous``. A new sender
-    address is taken only after the old one was silent for ``silence_s``.
+    ``system_id`` 0 takes the first autopilot that is heard; another one then makes it ``ambiguous``, until it
+    has left. A new sender address is taken only after the old one was silent for ``silence_s``.
     """
 
     def __init__(
@@ -78,7 +78,8 @@ class VehicleIdentity:
         self.system_id: int | None = system_id or None
         self.sender: Address = None
         self.ambiguous = False
-        """Whether a second vehicle was heard although none was named."""
+        """Whether a second vehicle was heard within ``SECOND_GONE_S`` although none was named."""
+        self._second_us = 0
         self._named = system_id != 0
         self._component = autopilot_component
         self._own_component = own_component
@@ -93,9 +94,11 @@ class VehicleIdentity:
             self.system_id = frame.system
         if self.system_id is None:
             return Sender.NOBODY_YET
+        if self.ambiguous and now_us - self._second_us > SECOND_GONE_S * 1e6:
+            self.ambiguous = False
         if frame.system != self.system_id:
             if autopilot and not self._named:
-                self.ambiguous = True
+                self.ambiguous, self._second_us = True, now_us
                 return RefusalCode.SECOND_VEHICLE
             return Sender.OTHER
         if frame.component == self._own_component:

@@ -23,6 +23,7 @@ class _Stream:
     slow_since_us: int | None = None
     reported_slow: bool = False
     came: bool = False
+    reached: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +49,8 @@ class MessageRates:
     ``wanted_hz`` maps message names to rates. A rate is counted over ``messages`` expected messages, over
     ``shortest_s`` at least, so that a rate somebody took away is asked for again within a second. What stays under
     ``enough`` of its rate is asked for at intervals that double up to ``longest_wait_s``, and is slow after
-    ``patience_s``.
+    ``patience_s``. One that came at its rate before can be had: it is asked for every ``first_wait_s``, since another
+    program's request may stand for good (PX4).
     """
 
     wanted_hz: Mapping[str, float]
@@ -90,7 +92,8 @@ class MessageRates:
             if stream.slow_since_us is None and stream.rate_hz is not None:
                 continue
             if now_us >= stream.ask_at_us:
-                wait_s = min(self.first_wait_s * 2**stream.asked, self.longest_wait_s)
+                doubled = 1 if stream.reached else 2**stream.asked
+                wait_s = min(self.first_wait_s * doubled, self.longest_wait_s)
                 stream.ask_at_us = now_us + int(wait_s * 1e6)
                 stream.asked += 1
                 requests.append(RateRequest(name, IDS[name], round(1e6 / stream.wanted_hz)))
@@ -107,7 +110,7 @@ class MessageRates:
         if stream.rate_hz >= self.enough * stream.wanted_hz:
             # asked for at once when it is lost again
             stream.asked = stream.ask_at_us = 0
-            stream.slow_since_us = None
+            stream.slow_since_us, stream.reached = None, True
         elif stream.slow_since_us is None:
             stream.slow_since_us = now_us
         since_us = stream.slow_since_us

@@ -97,7 +97,7 @@ def _readable(handle: int | socket.socket, timeout_s: float) -> bool:
 
 
 class UdpServer:
-    """Bound to an address; sends to whoever sent lately, or only to the sender that is believed."""
+    """Bound to an address; sends to all that sent lately, or only to the sender that is believed."""
 
     def __init__(self, name: PortName) -> None:
         self._socket = socket.socket(_family(name), socket.SOCK_DGRAM)

@@ -1,4 +1,4 @@
-"""One splitter a sender address, for few of them: whoever sends from many addresses takes no memory."""
+"""One splitter a sender address, for few of them: a sender with many addresses takes no memory."""
 
 from collections import OrderedDict
 

@@ -1,4 +1,4 @@
-"""The newest state of a process in a file beside its lock, for whoever may look into that directory."""
+"""The newest state of a process in a file beside its lock, for programs that may read that directory."""
 
 import os
 from pathlib import Path

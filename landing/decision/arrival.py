@@ -19,12 +19,6 @@ def slow(i: Inputs, limit: float) -> bool:
     return i.velocity_ned is not None and math.hypot(*i.velocity_ned[:2]) <= limit
 
 
-def arrived(i: Inputs, spot: Vector) -> bool:
-    """Whether it is over the place, as near as a descent needs."""
-    off = math.dist(i.place_ned[:2], spot[:2])
-    return off <= max(ARRIVED_M, ARRIVED_SHARE * i.height_m) and slow(i, 2 * SLOW_M_S)
-
-
 def over(i: Inputs, spot: Vector) -> bool:
     """Whether the stopping point is the place."""
     if not slow(i, SLOW_M_S):

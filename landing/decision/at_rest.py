@@ -1,4 +1,4 @@
-"""Whether the ground is at rest, over a procedure: it must have been known once, and never be plainly moving."""
+"""Whether the ground is at rest, over a procedure: it must have been known once, and never be clearly moving."""
 
 import math
 

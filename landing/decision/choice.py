@@ -33,13 +33,19 @@ class Choice:
 
     def __init__(self, reach_m: float) -> None:
         self._reach_m = reach_m
+        self._begin_at = Inputs(time_s=math.nan)
         self.spot_ned: Vector | None = None
         self._refused: list[Vector] = []
         self._merit = 0.0
         """Of the chosen place, when it was among the best last."""
 
+    def begin(self, i: Inputs) -> None:
+        """A new procedure, from here."""
+        self._begin_at = i
+        self.forget()
+
     def forget(self) -> None:
-        """A new procedure."""
+        """No place is chosen, and none refused."""
         self.spot_ned = None
         self._refused = []
 
@@ -53,12 +59,12 @@ class Choice:
         """Nothing is chosen; the place may be chosen again."""
         self.spot_ned = None
 
-    def step(self, i: Inputs, middle: Vector) -> bool:
-        """Take the discs of a frame; whether another place is chosen. ``middle`` is that of the reach."""
+    def step(self, i: Inputs) -> bool:
+        """Take the discs of a frame; whether another place is chosen."""
         if not i.spots:
             return False
         places = [(self._place(spot, i), spot) for spot in i.spots]
-        here = [entry for entry in places if self._allowed(entry[0], middle)]
+        here = [entry for entry in places if self._allowed(i, *entry)]
         if not here:
             return False
         best, spot = max(here, key=lambda entry: merit(entry[1]))
@@ -98,8 +104,13 @@ class Choice:
             down + (i.height_m if math.isfinite(i.height_m) else 0.0),
         )
 
-    def _allowed(self, place: Vector, middle: Vector) -> bool:
-        if not _apart(place, middle) <= self._reach_m:
+    def _allowed(self, i: Inputs, place: Vector, spot: Spot) -> bool:
+        """Within reach by the view and by the autopilot, as the fence is, and no place that was refused."""
+        reach = [_apart(place, self._begin_at.place_ned)]
+        if i.local_ned is not None and self._begin_at.local_ned is not None:
+            here = i.local_ned[0] + spot.north_m, i.local_ned[1] + spot.east_m, 0.0
+            reach.append(_apart(here, self._begin_at.local_ned))
+        if not all(m <= self._reach_m for m in reach):
             return False
         return all(_apart(place, refused) > REFUSED_M for refused in self._refused)
 

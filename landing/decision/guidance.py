@@ -30,6 +30,9 @@ WEAVE_ACCELERATION = 0.5 * ACCELERATION
 WEAVE_GROWTH = 0.3
 """Largest change of its radius, m/s."""
 
+SPIRAL_NEAR_M, SPIRAL_WAITS_S = 1.5, 4.0
+"""A place on the spiral waits for a vehicle that is farther away; so long, for it may lie behind fence or roof."""
+
 
 def towards(from_ned: Vector, to_ned: Vector, speed: float) -> tuple[float, float]:
     """Horizontal velocity to a place, at most ``speed``, such that it can be stopped there."""
@@ -134,7 +137,7 @@ class Spiral:
 
     def __init__(self, middle: Vector, arm_m: float, time_s: float) -> None:
         self._middle, self._per_turn, self._time_s = middle, arm_m / (2 * math.pi), time_s
-        self._angle = 1.0
+        self._angle, self._waited_s = 1.0, 0.0
 
     @property
     def radius_m(self) -> float:
@@ -154,12 +157,12 @@ class Spiral:
         along = math.hypot(r, per_turn)
         return speed * (per_turn * cos - r * sin) / along, speed * (per_turn * sin + r * cos) / along
 
-    def go_on(self, time_s: float, speed: float) -> None:
-        """The place moves along."""
+    def go_on(self, time_s: float, speed: float, off_m: float) -> bool:
+        """The place moves along, unless the vehicle is ``off_m`` away and may still come; whether it does."""
         dt = min(max(time_s - self._time_s, 0.0), 0.5)
         self._time_s = time_s
+        self._waited_s = 0.0 if off_m < SPIRAL_NEAR_M else self._waited_s + dt
+        if 0 < self._waited_s <= SPIRAL_WAITS_S:
+            return False
         self._angle += speed * dt / math.hypot(self.radius_m, self._per_turn)
-
-    def wait(self, time_s: float) -> None:
-        """It waits for the vehicle."""
-        self._time_s = time_s
+        return off_m < SPIRAL_NEAR_M

@@ -2,9 +2,11 @@
 
 import math
 
-from landing.decision.guidance import ACCELERATION
+from landing.decision.guidance import ACCELERATION, Spiral
+from landing.decision.level import autopilots
 from landing.decision.orders import STILL, Inputs, Vector
 from landing.decision.procedure_options import (
+    ARM_SHARE,
     CLIMB_SPEED,
     LOOK_LOWER_S,
     LOOK_RADIUS_M,
@@ -18,6 +20,12 @@ from landing.decision.procedure_options import (
 def lowest_look(options: ProcedureOptions) -> float:
     """Height to which looking and searching come down, m."""
     return max(LOWEST_LOOK_M, LOWEST_LOOK_SHARE * options.hand_over_m)
+
+
+def new_spiral(begin: Inputs, height_m: float, time_s: float) -> Spiral:
+    """A search about where the procedure began, by the autopilot's position: the view's wanders over a minute."""
+    arm = ARM_SHARE * max(height_m, 0.5) if math.isfinite(height_m) else LOOK_RADIUS_M
+    return Spiral(autopilots(begin), arm, time_s)
 
 
 class Looking:

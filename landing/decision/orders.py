@@ -60,7 +60,7 @@ class OrderKind(StrEnum):
 
 
 ORDER_MAX_AGE_S = 0.5
-"""An order of VELOCITY or TARGET that is older is void: whoever sends it on stops."""
+"""An order of VELOCITY or TARGET that is older is void and is not sent."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -221,6 +221,7 @@ class Gate:
     vehicle: str | None = "multicopter"
     allowed_vehicles: frozenset[str] = frozenset()
     stale: tuple[str, ...] = ()
+    attitude_missing: bool = False
     two_vehicles: bool = False
     calibrated: bool = True
     camera_frozen: bool = False
@@ -251,6 +252,7 @@ def objections(permission: Permission, gate: Gate) -> tuple[Objection, ...]:
         code = Withheld.VTOL_NOT_HOVERING if g.vehicle == "vtol" else Withheld.VEHICLE_TYPE
         found.append(Objection(code, () if g.vehicle == "vtol" else (g.vehicle,)))
     found.append(Objection(Withheld.STALE_INPUTS, g.stale) if g.stale else None)
+    found.append(_if(g.attitude_missing, Withheld.ATTITUDE_MISSING))
     found.append(_if(g.two_vehicles, Withheld.TWO_VEHICLES))
     found.append(_if(not g.calibrated, Withheld.UNCALIBRATED))
     found.append(_if(g.camera_frozen, Withheld.CAMERA_FROZEN))

@@ -16,13 +16,14 @@ import math
 from collections.abc import Callable
 
 from landing.decision import procedure_options as limits
-from landing.decision.arrival import arrived, beside, over, sink_share
+from landing.decision.arrival import beside, over, sink_share
 from landing.decision.at_rest import AtRest
 from landing.decision.choice import Choice
 from landing.decision.fence import Fence, risen
 from landing.decision.guidance import Descent, Shaper, Spiral, towards
-from landing.decision.headroom import Headroom, level_share
-from landing.decision.looking import Looking, lowest_look
+from landing.decision.headroom import Headroom
+from landing.decision.level import Level, autopilots
+from landing.decision.looking import Looking, lowest_look, new_spiral
 from landing.decision.orders import (
     MOVING,
     ORDER_MAX_AGE_S,
@@ -52,15 +53,14 @@ class Procedure:
         self._spiral: Spiral | None = None
         self._since_s = self._seen_s = math.nan
         self._sure_s = math.nan
-        self._arrived_s = math.inf
+        self._arrived_s = self._low_s = math.inf
         self._tries = 0
         self._followed = False
-        self._origin: Vector = STILL
         self._place: Vector = STILL
         self._fence = Fence(options, Inputs(time_s=math.nan))
         self._begin_at = self._held_at = Inputs(time_s=math.nan)
-        self._level = 0.0
         self._looking, self._headroom, self._rest = Looking(options), Headroom(), AtRest()
+        self._level = Level()
 
     @property
     def spot_ned(self) -> Vector | None:
@@ -135,10 +135,10 @@ class Procedure:
         return Order()
 
     def _start(self, i: Inputs) -> Order:
-        self._choice.forget()
+        self._choice.begin(i)
+        self._level.keep(i)
         self._spiral, self._tries, self._followed = None, 0, False
-        self._fence, self._origin = Fence(self.options, i), i.place_ned
-        self._begin_at, self._level = i, i.place_ned[2]
+        self._fence, self._begin_at = Fence(self.options, i), i
         self._shaper.begin(i.time_s, i.velocity_ned or STILL)
         self._headroom.begin(i.time_s)
         self._rest.begin()
@@ -181,7 +181,7 @@ class Procedure:
     def _look(self, i: Inputs) -> Vector:
         """Back and forth across the heading, within the reach of the search."""
         known = math.isfinite(i.height_m)
-        self._choice.step(i, self._origin)
+        self._choice.step(i)
         known_below = self._choice.spot_ned is not None or i.below.verdict != UNKNOWN
         known_below &= self._rest.known
         looked_s = i.time_s - self._since_s
@@ -198,27 +198,26 @@ class Procedure:
         self.why = Why.GROUND_UNKNOWN if known else Why.NO_METRES
         if climb:
             self.why = Why.TOO_LOW if climb > 0 else Why.TOO_HIGH
-        north, east = self._looking.sideways(i, self._origin, self._speed(i))
+        north, east = self._looking.sideways(i, self._begin_at.place_ned, self._speed(i))
         return north, east, -climb
 
     def _choose(self, i: Inputs) -> Vector | Order:
         if i.spots is None:
             return STILL
-        self._choice.step(i, self._origin)
+        self._choice.step(i)
+        self._level.keep(i)
         if self._choice.spot_ned is not None:
-            self._level = i.place_ned[2]
             self._sure_s = i.time_s
             self._go(State.GO, Why.ON_THE_WAY, i.time_s)
             return self._approach(i)
-        self._level = i.place_ned[2]
         if self._spiral is None:
-            self._spiral = self._new_spiral(i.height_m, i.time_s)
+            self._spiral = new_spiral(self._begin_at, i.height_m, i.time_s)
         self._go(State.SEARCH, Why.NO_SPOT, i.time_s)
         return STILL
 
     def _search(self, i: Inputs) -> Vector | Order:
         assert self._spiral is not None
-        if self._choice.step(i, self._origin):
+        if self._choice.step(i):
             self._go(State.CHOOSE, Why.CHOOSING, i.time_s)
             return STILL
         room, least = self._headroom.all_around(i), lowest_look(self.options)
@@ -229,35 +228,30 @@ class Procedure:
             if not lower < 0.85 * room:
                 return self._give_back(Why.SEARCHED_IN_VAIN, "", i.mode, i.quiet)
             # what a place is like shows from lower down: once more, with arms as near as the picture is wide there
-            self._level = i.place_ned[2] + room - lower
-            self._spiral = self._new_spiral(lower, i.time_s)
+            self._level.keep(i, room - lower)
+            self._spiral = new_spiral(self._begin_at, lower, i.time_s)
+        here = autopilots(i)
         point, along = self._spiral.point, self._spiral.velocity(self._speed(i))
-        back = towards(i.place_ned, point, self.options.max_speed)
-        if math.dist(i.place_ned[:2], point[:2]) < limits.LOOK_RADIUS_M:
-            self._spiral.go_on(i.time_s, self._speed(i))
-        else:
-            self._spiral.wait(i.time_s)
-            along = (0.0, 0.0)
-        return self._across(i, (along[0] + back[0], along[1] + back[1]), room, 0.8 * least)
-
-    def _new_spiral(self, height_m: float, time_s: float) -> Spiral:
-        arm = limits.ARM_SHARE * max(height_m, 0.5) if math.isfinite(height_m) else limits.LOOK_RADIUS_M
-        return Spiral(self._origin, arm, time_s)
+        back = towards(here, point, self.options.max_speed)
+        if self._spiral.go_on(i.time_s, self._speed(i), math.dist(here[:2], point[:2])):
+            back = along[0] + back[0], along[1] + back[1]
+        return self._across(i, back, room, 0.8 * least)
 
     def _approach(self, i: Inputs) -> Vector | Order:
         """GO: over the place, at the height there is."""
-        if self._choice.step(i, self._origin):
+        if self._choice.step(i):
             self.why, self._arrived_s = Why.BETTER_SPOT, math.inf
         spot = self._choice.spot_ned
         if spot is None or i.at_spot.verdict == HAZARD:
             return self._stop(i, Why.SPOT_LOST if spot is None else Why.SPOT_HAZARD)
         if self._headroom.lost(i):
             return self._stop(i, Why.HEIGHT_LOST)
-        if arrived(i, spot):
+        near = not beside(i, spot, 2 * limits.ARRIVED_SHARE)
+        if near:
             self._arrived_s = min(self._arrived_s, i.time_s)
         waited_s = i.time_s - self._arrived_s
         sure = i.at_spot.verdict == LANDABLE or waited_s > limits.SURE_S
-        if waited_s >= 0 and sure and self._rest.known and not beside(i, spot, 2 * limits.ARRIVED_SHARE):
+        if near and sure and self._rest.known:
             self._sure_s = i.time_s
             self._descent.begin(i.time_s)
             self._go(State.DESCEND, Why.COMING_DOWN, i.time_s)
@@ -276,13 +270,16 @@ class Procedure:
             return self._stop(i, Why.SPOT_LOST)
         if i.at_spot.verdict == HAZARD:
             return self._stop(i, Why.SPOT_HAZARD)
-        if unsure_s > limits.UNKNOWN_S:
+        # what is not known from high up may show lower down, as low as a look goes
+        high = self._headroom.near(i) > lowest_look(o)
+        self._low_s = math.inf if high else min(self._low_s, i.time_s)
+        if min(unsure_s, i.time_s - self._low_s) > limits.UNKNOWN_S:
             return self._stop(i, Why.SPOT_UNKNOWN)
         if not known:
             return STILL
         if beside(i, spot, 4 * limits.ARRIVED_SHARE):
             # another place was found, or a gust: not down beside it
-            self._level = i.place_ned[2]
+            self._level.keep(i)
             self._go(State.GO, Why.BETTER_SPOT, i.time_s)
             return self._approach(i)
         low = height / o.hand_over_m
@@ -290,7 +287,9 @@ class Procedure:
             self._go(State.HAND_OVER, Why.AT_THE_SPOT, i.time_s)
             return Order(OrderKind.LAND)
         self.why = Why.SPOT_UNSURE if unsure_s > limits.UNSURE_S else Why.COMING_DOWN
-        share = sink_share(i, spot, unsure_s, low)
+        share = sink_share(i, spot, 0.0 if high else unsure_s, low)
+        if high and unsure_s > limits.UNSURE_S:
+            share = min(share, limits.LOOK_SINK / o.divergence)
         sink = self._descent.sink(i.time_s, height, i.approach, share) if share else 0.0
         north, east = self._descent.around(i, spot, min(max((low - 1.2) / 0.5, 0.0), 1.0), o.max_speed)
         return north, east, sink
@@ -298,11 +297,13 @@ class Procedure:
     def _hold(self, i: Inputs) -> Vector:
         """Stopped, and a little higher."""
         wanted = limits.HOLD_CLIMB_M
-        if math.isfinite(self._held_at.height_m):
+        if self.why is Why.SPOT_UNKNOWN and math.isfinite(i.height_m):
+            # less would be known from higher up
+            wanted = 0.0
+        elif math.isfinite(self._held_at.height_m):
             wanted = min(limits.HOLD_CLIMB_SHARE * self._held_at.height_m, limits.HOLD_CLIMB_M)
-        climb = (
-            limits.CLIMB_SPEED if risen(self._held_at, i) < wanted and self._has_room(i) else self._climb(i)
-        )
+        rises = risen(self._held_at, i) < wanted and self._has_room(i)
+        climb = limits.CLIMB_SPEED if rises else self._climb(i)
         if i.time_s - self._since_s > 1.0 and not climb:
             self._looking.begin(i.place_ned)
             self._go(State.LOOK, Why.GROUND_UNKNOWN, i.time_s)
@@ -337,14 +338,8 @@ class Procedure:
         return risen(self._begin_at, i) < limits.CLIMB_M
 
     def _across(self, i: Inputs, level: tuple[float, float], room_m: float, least_m: float) -> Vector:
-        """A level velocity at the level that is kept; where there is too little room below, up and slower."""
-        share = level_share(room_m, least_m)
-        down = min(max(0.8 * (self._level - i.place_ned[2]), -limits.CLIMB_SPEED), limits.CLIMB_SPEED)
-        if not room_m > least_m:
-            down = -limits.CLIMB_SPEED if self._has_room(i) else 0.0
-            self._level = i.place_ned[2]
-        return share * level[0], share * level[1], down
+        return self._level.across(i, level, room_m, least_m, may_climb=self._has_room(i))
 
     def _go(self, state: State, why: Why, time_s: float, about: str = "") -> None:
         self.state, self.why, self._since_s, self._about = state, why, time_s, about
-        self._arrived_s = math.inf
+        self._arrived_s = self._low_s = math.inf

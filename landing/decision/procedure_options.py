@@ -33,7 +33,7 @@ LOOK_ENOUGH_S = 12.0
 """Ground that is still unknown then is searched: more of the same motion would not show it."""
 LOOK_LOWER_S = 5.0
 """Ground that is still unknown after so long is looked at from lower down, since a pixel covers less of it there."""
-LOWEST_LOOK_M, LOWEST_LOOK_SHARE, LOOK_SINK = 2.5, 1.6, 0.15
+LOWEST_LOOK_M, LOWEST_LOOK_SHARE, LOOK_SINK = 1.8, 1.6, 0.15
 """Not below that height, that share of the hand-over's; and the sink over height meanwhile, 1/s."""
 LOOK_RADIUS_M = 1.5
 """Farthest to each side while it looks."""
@@ -54,7 +54,7 @@ SLOW_M_S = 0.25
 """Slow enough over the place to begin the descent, and to hand over."""
 HANDED_OVER_M = 0.12
 """How near the stopping point must be to the place for the hand-over."""
-SURE_S = 4.0
+SURE_S = 2.5
 """How long it circles over the place at most for its ground to be known before it comes down."""
 UNSURE_S, UNKNOWN_S = 0.3, 1.5
 """How long the chosen disc may be unknown before it comes down slower, and until it stops."""

@@ -26,7 +26,7 @@ class Targeting:
         self.options = options
         self.state, self.why = State.IDLE, Why.NO_PERMISSION
         self._choice = Choice(options.max_search_m)
-        self._origin: Vector | None = None
+        self._began = False
 
     @property
     def spot_ned(self) -> Vector | None:
@@ -42,7 +42,8 @@ class Targeting:
         """Take a frame; times must rise."""
         before = self.state, self.why
         order = self._aim(i) if i.landing else self._wait()
-        return Step(order, self.state, self.why, (self.state, self.why) != before, self._choice.spot_ned)
+        changed = (self.state, self.why) != before
+        return Step(order, self.state, self.why, changed, self._choice.spot_ned, place_ned=i.place_ned)
 
     def watch(
         self, time_s: float, objections: tuple[Withheld, ...], mode: str | None, quiet: bool
@@ -51,8 +52,8 @@ class Targeting:
         return None
 
     def _wait(self) -> Order:
+        self._began = False
         self._choice.forget()
-        self._origin = None
         self.state, self.why = State.IDLE, Why.NO_PERMISSION
         return Order()
 
@@ -65,9 +66,11 @@ class Targeting:
                 Why.CONTRADICTED if i.contradictions else Why.PERMISSION_ENDED,
             )
             return Order()
-        self._origin = self._origin or i.place_ned
+        if not self._began:
+            self._choice.begin(i)
+            self._began = True
         if i.height_m >= LOWEST_SHARE * self.options.hand_over_m:  # below, the target stays where it is
-            self._choice.step(i, self._origin)
+            self._choice.step(i)
             if i.at_spot.verdict == HAZARD:
                 self._choice.refuse()
         spot = self._choice.spot_ned

@@ -33,6 +33,7 @@ class Withheld(StrEnum):
     VEHICLE_TYPE = "vehicle_type"
     VTOL_NOT_HOVERING = "vtol_not_hovering"
     STALE_INPUTS = "stale_inputs"
+    ATTITUDE_MISSING = "attitude_missing"
     TWO_VEHICLES = "two_vehicles"
     UNCALIBRATED = "uncalibrated"
     CAMERA_FROZEN = "camera_frozen"
@@ -80,6 +81,7 @@ WORDS = {
     Withheld.VEHICLE_TYPE: "no multicopter or helicopter",
     Withheld.VTOL_NOT_HOVERING: "the VTOL is not known to hover",
     Withheld.STALE_INPUTS: "stale inputs",
+    Withheld.ATTITUDE_MISSING: "the frames have no attitude",
     Withheld.TWO_VEHICLES: "two vehicles on the link, set vehicle.system_id",
     Withheld.UNCALIBRATED: "the camera is not calibrated",
     Withheld.CAMERA_FROZEN: "the picture stands still while the vehicle turns",

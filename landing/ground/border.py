@@ -46,7 +46,7 @@ _NO_SECOND_MAP = np.empty((0, 0), np.float32)
 class BorderStep:
     """Blocks at a side: their middles (k, 2) px, height over the distance, share of the view's mean square height.
 
-    ``sure``: by ``border_sigmas``, not only by ``border_side_sigmas``. ``lasting``: the same side stood out for
+    ``sure``: by ``border_sigmas``, not only by ``border_side_sigmas``. ``lasting``: the same side had relief for
     sure in the frame before as well.
     """
 

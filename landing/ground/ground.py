@@ -45,13 +45,16 @@ class GroundReport:
 @dataclass(frozen=True, slots=True)
 class Sight:
     """The vehicle over the ground: its place in the map's axes (north, east, down), velocity NED by the view (by the
-    autopilot where the view has none), height with its standard deviation, and sink over height (1/s)."""
+    autopilot where the view has none), height with its standard deviation, and sink over height (1/s). ``seen_m`` and
+    ``seen_std_m``: the height of this frame alone, NaN where nothing measured it."""
 
     place_ned: tuple[float, float, float]
     velocity_ned: tuple[float, float, float] | None
     height_m: float
     height_std_m: float
     approach: float
+    seen_m: float
+    seen_std_m: float
 
 
 class CellState(IntEnum):
@@ -90,6 +93,7 @@ class Ground:
         self._approach = math.nan
         self._moved: Array | None = None
         self._level = math.nan
+        self._seen = math.nan, math.nan
 
     def step(self, views: Views, plane: Plane, observation: Observation, estimate: SurfaceEstimate) -> None:
         """Take the frame that ``views`` and ``plane`` are of; ``estimate`` has its height."""
@@ -99,12 +103,8 @@ class Ground:
         normal, known = plane.normal, bool(np.isfinite(plane.omega).all())
         length = float(np.linalg.norm(normal))
         approach = float(normal @ plane.omega) if known else math.nan
-        self.scale.step(
-            interval_s,
-            approach if known else 0.0,
-            along_normal(estimate.height_m, normal),
-            estimate.height_std_m / length,
-        )
+        self._seen = along_normal(estimate.height_m, normal), estimate.height_std_m / length
+        self.scale.step(interval_s, approach if known else 0.0, *self._seen)
         distance_m = self.scale.distance_m * length
         self._velocity = observation.velocity_ned
         self._delay_s = max(0.0, observation.delay_s)
@@ -126,6 +126,7 @@ class Ground:
         if relief is None or ned_from_camera is None:
             return
         self.map.look(relief, ned_from_camera, distance_m)
+        self.relief.ask_for(relief, self.options.max_step_m / 2 / distance_m)
 
     def limit(self, max_inclination_deg: float, sigmas: float) -> None:
         """Other limits of the decision from now on."""
@@ -190,9 +191,9 @@ class Ground:
             return below, _NO_STOP
         return below, discs.along(self.map, way)
 
-    def spots(self) -> tuple[Spot, ...]:
-        """Landable discs, best first, from the vehicle."""
-        return self._discs().spots(self.map, 0.0)
+    def spots(self, drift_m: tuple[float, float] = (0.0, 0.0)) -> tuple[Spot, ...]:
+        """Landable discs, best first, from the vehicle; ``drift_m`` as in ``Discs.spots``."""
+        return self._discs().spots(self.map, 0.0, drift_m)
 
     def at(self, north_m: float, east_m: float) -> Disc:
         """The disc about a place in the map's axes."""
@@ -220,7 +221,9 @@ class Ground:
         moved = self._velocity if self._moved is None else self._moved
         velocity = None if moved is None else (float(moved[0]), float(moved[1]), float(moved[2]))
         height = self.scale.distance_m * self._level
-        return Sight((north, east, -up), velocity, height, height * self.scale.relative_std, self._approach)
+        seen_m, seen_std_m = (value * self._level for value in self._seen)
+        height_std_m = height * self.scale.relative_std
+        return Sight((north, east, -up), velocity, height, height_std_m, self._approach, seen_m, seen_std_m)
 
     def _discs(self, cells: NDArray[np.intp] | None = None) -> Discs:
         return Discs(self.map, self.options, self._tilt_std_deg, self.scale.relative_std, cells)

@@ -36,6 +36,8 @@ _SAMPLE = 40
 _MOVING = 4.0
 """Residual across the parallax, in its own standard deviations, from which a block moves by itself."""
 _MOVING_PX = 0.5
+_LONGEST, _LENGTHEN = 2.5, 0.3
+"""Longest baseline over the usual one, and how much of what is missing is taken at a look."""
 _NO_SECOND_MAP = np.empty((0, 0), np.float32)
 _LEAST_COLUMNS = 320
 """Pictures are not reduced below this width."""
@@ -100,6 +102,7 @@ class DenseRelief:
         self._grid = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
         self.take_mask()
         self._moved, self._frames = math.inf, 0
+        self._longer = 1.0
 
     def take_mask(self) -> None:
         """The camera's mask has changed."""
@@ -115,7 +118,18 @@ class DenseRelief:
     @property
     def target_px(self) -> float:
         """Flow that is looked back over."""
-        return self.options.baseline * self.camera.width
+        return self._longer * self.options.baseline * self.camera.width
+
+    def ask_for(self, look: ViewRelief, std: float) -> None:
+        """From the next look on a baseline as long as it takes for a standard deviation of ``std`` over the distance.
+
+        Noise and coarse pixels make heights from far up too uncertain; over a longer way they are less so.
+        """
+        known = look.std[look.known]
+        if not len(known):
+            return
+        wanted = self._longer * float(np.median(known)) / std
+        self._longer += _LENGTHEN * (min(max(wanted, 1.0), _LONGEST) - self._longer)
 
     def step(self, views: Views, plane: Plane, image: Image, resolution: float = 0.0) -> ViewRelief | None:
         """The relief at the newest frame, of this ``image``; None between looks, and where the motion shows none.
@@ -167,7 +181,8 @@ class DenseRelief:
         if not len(flow_px):
             return None
         best = int(np.abs(flow_px - self.target_px).argmin())
-        if not 0.5 * self.target_px <= flow_px[best] <= 2.0 * self.target_px:
+        usual_px = self.target_px / self._longer
+        if not 0.5 * usual_px <= flow_px[best] <= 2.0 * self.target_px:
             return None
         return int(gaps[best])
 
@@ -180,7 +195,7 @@ class DenseRelief:
         weight = plane.weights(len(views.tracker.alive)).take(tracks.slots)
         noise = plane.noise if math.isfinite(plane.noise) else 1.0
         over = OverPlane(tracks.new, derotated, plane.normal, tracks.whitener, turns=True)
-        found = over.displacement(weight, np.full(3, views.baseline_std(gap) / (2 * noise)))
+        found = over.displacement(weight, views.baseline_std(gap) / (2 * noise))
         if found is None:
             return None
         return found[0][0, :3], rotation @ exp_so3(found[0][0, 3:])

@@ -1,4 +1,4 @@
-"""Points that stood out of the surface, remembered while the ground about them is out of the tracks' sight."""
+"""Obstacle points, remembered while the ground about them is out of the tracks' sight."""
 
 import math
 
@@ -37,7 +37,7 @@ class Cells:
 
 
 class ReliefMemory:
-    """Points that stood out move with the ground until they leave the view or the ground there is measured as even.
+    """Obstacle points move with the ground until they leave the view or the ground there is measured as even.
 
     ``border_px``: no track can lie nearer to the image's border; what is there is known from before alone.
     """

@@ -66,8 +66,8 @@ class _Measured:
 class ReliefMap:
     """Heights of the tracked points over the plane, and the roughness of the whole view.
 
-    The cells of the view count alike. What stood out and is no longer tracked, near the border or behind a step, still
-    counts: ``memory`` carries it along.
+    The cells of the view count alike. An obstacle point that is no longer tracked, near the border or
+    behind a step, still counts: ``memory`` carries it along.
     """
 
     def __init__(
@@ -200,7 +200,7 @@ class ReliefMap:
     def _obstacle_points(
         self, tracker: FeatureTracker, slots: NDArray[np.intp], h: Array, significant: Marks
     ) -> int:
-        """How many tracks have stood out for some frames on end; what does not last is a tracking error.
+        """How many tracks were obstacle points for some frames on end; what does not last is a tracking error.
 
         Nor does a height that falls: an error of a young track's place counts less the further it has gone.
         """

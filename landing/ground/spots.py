@@ -70,7 +70,8 @@ class Disc:
 class Spot:
     """A landable disc; its centre is ``north_m`` and ``east_m`` from the vehicle.
 
-    ``clearance_m``: distance from its centre to the nearest cell whose disc is not landable.
+    ``clearance_m``: distance from its centre, and from where a gust carries the vehicle, to the nearest cell whose
+    disc is not landable.
     """
 
     north_m: float
@@ -252,10 +253,13 @@ class Discs:
         cells = dict.fromkeys(ground.cell_of(float(n), float(e)) for n, e in places)
         return worst([self.at(row, column) for row, column in cells])
 
-    def spots(self, ground: GroundMap, place_std_m: float) -> tuple[Spot, ...]:
+    def spots(
+        self, ground: GroundMap, place_std_m: float, drift_m: tuple[float, float] = (0.0, 0.0)
+    ) -> tuple[Spot, ...]:
         """Landable discs, best first: far from what is not landable, level, near the vehicle.
 
-        Only discs that stay landable when they lie ``place_std_m`` (one sigma) elsewhere.
+        Only discs that stay landable when they lie ``place_std_m`` (one sigma) elsewhere. ``drift_m``: where a gust
+        carries the vehicle, north and east; a disc is as clear as it is there, too.
         """
         landable = self.landable
         if not landable.any():
@@ -264,10 +268,12 @@ class Discs:
         row, column = (clearance > 2 * CELL_M + self.options.sigmas * place_std_m).nonzero()
         if not len(row):
             return ()
+        blown = (place + round(drift / CELL_M) for place, drift in zip((row, column), drift_m, strict=True))
+        downwind = clearance[tuple(place.clip(0, CELLS - 1) for place in blown)]
         corner_north, corner_east = ground.corner_m
         north = corner_north + (row + 0.5) * CELL_M - ground.place[0]
         east = corner_east + (column + 0.5) * CELL_M - ground.place[1]
-        clear = clearance[row, column].astype(np.float64)
+        clear = np.minimum(clearance[row, column], downwind).astype(np.float64)
         inclination, step = self.inclination_deg[row, column], self.step_m[row, column]
         merit = np.minimum(clear, _FAR_HAZARD_M) - _NEAR_M * np.hypot(north, east)
         merit -= inclination / self.options.max_inclination_deg + step / self.options.max_step_m

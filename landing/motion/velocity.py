@@ -54,7 +54,7 @@ class VehicleVelocity:
 
 
 def velocity(
-    views: Views, normal: Array, weight: Array, noise: float, rotation_std: float, options: EstimatorOptions
+    views: Views, normal: Array, weight: Array, noise: float, rotation_std: Array, options: EstimatorOptions
 ) -> tuple[Array, Array] | None:
     """omega = V / h (3,) at the newest frame and its standard deviation (3,), 1/s.
 
@@ -73,7 +73,7 @@ def velocity(
 
 
 def _guided(
-    views: Views, normal: Array, weight: Array, noise: float, rotation_std: float, options: EstimatorOptions
+    views: Views, normal: Array, weight: Array, noise: float, rotation_std: Array, options: EstimatorOptions
 ) -> tuple[Array, Array] | None:
     """The velocity with its changes taken from the autopilot; None where it does not know them or is mistaken."""
     o = options
@@ -109,14 +109,14 @@ def displacements(
     normal: Array,
     weight: Array,
     noise: float,
-    rotation_std: float,
+    rotation_std: Array,
     options: EstimatorOptions,
 ) -> Moved | None:
     tracks, derotated = views.stack(gaps)
     # a rotation shows in the curvature of the flow alone, where errors that neighbouring tracks share count most
     noise *= _SHARED_NOISE
     over = OverPlane(tracks.new, derotated, normal, tracks.whitener, turns=True)
-    found = over.displacement(weight.take(tracks.slots), np.full(3, rotation_std / noise))
+    found = over.displacement(weight.take(tracks.slots), rotation_std / noise)
     if found is None:
         return None
     newest_s = views.newest.time_s

@@ -29,7 +29,8 @@ _LATE_ANEW_S = 0.02
 class View:
     """One exposure: its time, ned_from_camera (3, 3) or None, the trust in rotations measured from it, the vehicle's
     velocity (3,) m/s NED or None with its age and noise, the camera's rate of turn (3,) rad/s about its own axes or
-    None, the lateness that the attitude allows for, and the velocity's slow error over the assumed one."""
+    None, the lateness that the attitude allows for, the velocity's slow error over the assumed one, and how far the
+    attitude wanders (3,) in rad per root second, about the camera's axes, or None."""
 
     frame: int
     time_s: float
@@ -41,13 +42,15 @@ class View:
     turn_rate: Array | None = None
     late_s: float = 0.0
     velocity_factor: float = 1.0
+    wander: Array | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Baseline:
     """Two exposures and the tracks common to both.
 
-    ``old_from_new`` (3, 3) is the measured rotation, or the identity when ``derotated`` is false. ``moves``: how the
+    ``old_from_new`` (3, 3) is the measured rotation, or the identity when ``derotated`` is false, ``rotation_std_rad``
+    (3,) its standard deviation about the camera's axes. ``moves``: how the
     new and the old points (n, 2) move per second of a readout that is not set.
     """
 
@@ -56,7 +59,7 @@ class Baseline:
     tracks: TrackPair
     old_from_new: Array
     derotated: bool
-    rotation_std_rad: float
+    rotation_std_rad: Array
     moves: tuple[Array, Array] | None = None
 
     @property
@@ -118,6 +121,7 @@ class Views:
                 rate,
                 o.late_s,
                 o.velocity_factor,
+                _about_camera(o.rotation_wander, self.camera.body_from_camera),
             ),
             motion,
         )
@@ -242,9 +246,14 @@ class Views:
         steps = ((older + newer) / 2 - velocity[0]) * interval_s
         return velocity[0] @ ned_from_camera, steps.cumsum(axis=0).take(gaps - 1, 0) @ ned_from_camera
 
-    def baseline_std(self, gap: int) -> float:
-        """Standard deviation (rad, per axis) of the measured rotation over ``gap`` frames."""
-        return math.hypot(self.view(gap).rotation_std_rad, self.newest.rotation_std_rad) / math.sqrt(2)
+    def baseline_std(self, gap: int) -> Array:
+        """Standard deviation (3,) rad, about the camera's axes, of the measured rotation over ``gap`` frames."""
+        newest, old = self.newest, self.view(gap)
+        std = np.full(3, math.hypot(old.rotation_std_rad, newest.rotation_std_rad) / math.sqrt(2))
+        if newest.wander is None:
+            return std
+        walked: Array = np.hypot(std, newest.wander * math.sqrt(max(newest.time_s - old.time_s, 0.0)))
+        return walked
 
     def _turn(self, frame: int, turn: Array | None) -> None:
         """Turn the tracks of a frame into the world's axes."""
@@ -322,3 +331,11 @@ def derotate(old: Array, old_from_new: Array) -> Array:
     """Old points (n, 2) as a camera in the newest attitude would see them (removes the paper's rotation terms)."""
     q = old @ old_from_new[:2] + old_from_new[2]
     return q[:, :2] / q[:, 2:]
+
+
+def _about_camera(std: Array | None, body_from_camera: Array) -> Array | None:
+    """Standard deviations (3,) about the body's axes as about the camera's; None stays None."""
+    if std is None:
+        return None
+    turned: Array = np.sqrt(np.square(std) @ np.square(body_from_camera))
+    return turned

@@ -99,7 +99,7 @@ class Evidence:
                 store[..., : kept.stop - kept.start] = store[..., kept].copy()
             self._first, self._end = 0, kept.stop - kept.start
         end = self._end
-        # neighbouring estimates share their tracks: a baseline's worth of frames counts as one
+        # neighbouring estimates share their tracks: the frames of one baseline count as one
         self._share[end] = min(1.0, 1.0 / max(1.0, gap * self.options.overlap))
         self._frame[end], self._time_s[end] = frame, time_s
         self._slope[:, end], self._covariance[:, end] = turned[0], turned[1].take((0, 1, 3))

@@ -85,7 +85,7 @@ class TurnComparison:
         self._last_s = newest.time_s
         for span_s in _SPANS_S:
             seen = picture_rotation(views, span_s, plane)
-            if seen is not None:
+            if seen is not None and _explains(seen[1]):
                 gap, fit = seen
                 spread = _uneven(fit) + self._doubt(views, gap, newest.ned_from_camera, late_std_s)
                 return float(fit.d @ np.linalg.solve(spread, fit.d)), 3
@@ -100,10 +100,8 @@ class TurnComparison:
         doubt = ned_from_camera.T @ np.diag((level, level, heading)) @ ned_from_camera
         rotation = views.rotation(gap)
         turn = 0.0 if rotation is None else float(np.linalg.norm(log_so3(rotation)))
-        all_axes = (
-            2 * self._attitude_error_std_rad**2 + views.baseline_std(gap) ** 2 + (_LENS_SHARE * turn) ** 2
-        )
-        doubt += np.eye(3) * all_axes
+        all_axes = 2 * self._attitude_error_std_rad**2 + (_LENS_SHARE * turn) ** 2
+        doubt += np.diag(all_axes + np.square(views.baseline_std(gap)))
         change = views.turn_change(gap)
         if change is not None:
             late = change[0] * late_std_s
@@ -111,6 +109,11 @@ class TurnComparison:
         if newest.turn_rate is not None:
             doubt += np.diag(np.square(newest.turn_rate * views.rows.std_s))
         return np.asarray(doubt, np.float64)
+
+
+def _explains(fit: PlaneFit) -> bool:
+    """Whether a fit speaks of a rotation: close to the ground, at takeoff, matches are so wrong that any one does."""
+    return fit.noise < fit.prior.noise_cap and int(np.count_nonzero(fit.weight)) >= _LEAST_TRACKS
 
 
 def _uneven(fit: PlaneFit) -> Array:

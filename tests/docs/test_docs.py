@@ -1,5 +1,6 @@
 """The documentation: links and file names lead somewhere, commands exist and run, every page is in the index."""
 
+import re
 import shutil
 import subprocess
 import sys
@@ -115,7 +116,18 @@ def runnable(command: Command) -> bool:
     )
 
 
-RUNNABLE = {page: [c for c in documented.commands(page) if runnable(c)] for page in PAGES}
+def runnable_once() -> dict[Path, list[tuple[str, str, tuple[str, ...]]]]:
+    """Program, name and words of the commands of each page that can run here, at the first page that shows them."""
+    seen: set[tuple[str, str, tuple[str, ...]]] = set()
+    pages: dict[Path, list[tuple[str, str, tuple[str, ...]]]] = {}
+    for page in PAGES:
+        found = [(c.program, c.name, c.words) for c in documented.commands(page) if runnable(c)]
+        pages[page] = [command for command in dict.fromkeys(found) if command not in seen]
+        seen.update(found)
+    return pages
+
+
+RUNNABLE = runnable_once()
 
 
 @pytest.fixture(scope="module")
@@ -136,20 +148,33 @@ def clone(short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_commands_of_every_kind_run():
-    names = {command.name for found in RUNNABLE.values() for command in found}
+    names = {name for found in RUNNABLE.values() for _, name, _ in found}
     assert {"check", "schema", "replay", "sim", "fleet", "calibrate", "export"} <= names
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if RUNNABLE[page]], ids=page_name)
 def test_commands_shown_run(page: Path, clone: Path, capsys: pytest.CaptureFixture[str]):
-    for command in dict.fromkeys(RUNNABLE[page]):
-        given = [IN_PLACE_OF.get(word, word) for word in command.words]
+    for program, name, shown in RUNNABLE[page]:
+        given = [IN_PLACE_OF.get(word, word) for word in shown]
         words = [
             str(found) for word in given for found in (sorted(Path().glob(word)) if "*" in word else [word])
         ]
-        if command.program == "python":
-            script = [sys.executable, str(REPOSITORY / command.name), *words]
+        if program == "python":
+            script = [sys.executable, str(REPOSITORY / name), *words]
             result = subprocess.run(script, capture_output=True, text=True, timeout=3600)
-            assert result.returncode == 0, (command, result.stderr)
+            assert result.returncode == 0, (name, shown, result.stderr)
             continue
-        assert cli.main([command.name, *words]) == 0, (command, capsys.readouterr().err)
+        assert cli.main([name, *words]) == 0, (name, shown, capsys.readouterr().err)
+
+
+def test_names_in_the_glossary_are_in_the_code():
+    glossary = (DOCS / "conventions.md").read_text().partition("## Glossary")[2]
+    rows = [line.split("|") for line in glossary.splitlines() if line.startswith("| ")]
+    names = [name for row in rows for name in documented.SPAN.findall(row[4])]
+    files = [f for folder in ("landing", "companion", "drivers") for f in (REPOSITORY / folder).rglob("*.py")]
+    words = {word for file in files for word in re.findall(r"\w+", file.read_text())} | {
+        f.name for f in files
+    }
+    parts = [part for name in names for part in ([name] if name.endswith(".py") else name.split("."))]
+    assert len(names) > 80
+    assert [part for part in parts if part and part not in words and part != "..._max_age_s"] == []

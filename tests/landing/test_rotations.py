@@ -5,7 +5,8 @@ import math
 import cv2
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from landing.rotations import euler_from_matrix, exp_so3, log_so3, matrix_from_euler, skew
@@ -15,7 +16,7 @@ quarter_turn = st.floats(-math.pi / 2 + 1e-4, math.pi / 2 - 1e-4)
 component = st.floats(-1.7, 1.7)
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(half_turn, quarter_turn, half_turn)
 def test_angles_come_back(roll: float, pitch: float, yaw: float):
     rotation = matrix_from_euler(roll, pitch, yaw)
@@ -33,14 +34,14 @@ def test_each_angle_turns_as_on_an_aircraft():
     np.testing.assert_allclose(matrix_from_euler(quarter, 0, 0) @ down, (0, -1, 0), atol=1e-15)
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(component, component, component)
 def test_rotation_vectors_come_back(x: float, y: float, z: float):
     vector = np.array((x, y, z))
     np.testing.assert_allclose(log_so3(exp_so3(vector)), vector, atol=1e-7)
 
 
-@settings(max_examples=50, deadline=None)
+@examples(50)
 @given(component, component, component)
 def test_the_exponential_is_rodrigues(x: float, y: float, z: float):
     vector = np.array((x, y, z))

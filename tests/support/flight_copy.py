@@ -25,16 +25,7 @@ def short_flight(directory: Path, source: str = "stairs_a", seconds: float = 3.0
     first_us = int(lines[1].split(",")[1])
     kept = [line for line in lines[1:] if int(line.split(",")[1]) < first_us + seconds * 1e6]
     (directory / "frames.csv").write_text("\n".join([lines[0], *kept]) + "\n")
-    video = VideoFile(flight / "camera.mkv")
-    fourcc = cv2.VideoWriter_fourcc(*"FFV1")
-    writer = cv2.VideoWriter(
-        str(directory / "camera.mkv"), cv2.CAP_FFMPEG, fourcc, video.fps, (video.width, video.height), False
-    )
-    for index, image in video.images():
-        if index == len(kept):
-            break
-        writer.write(image)
-    writer.release()
+    write_video(directory / "camera.mkv", VideoFile(flight / "camera.mkv"), len(kept), "Y800")
     data = (flight / "vehicle.tlog").read_bytes()
     end_us = first_us + (seconds + 0.2) * 1e6
     (directory / "vehicle.tlog").write_bytes(
@@ -47,6 +38,17 @@ def short_flight(directory: Path, source: str = "stairs_a", seconds: float = 3.0
     with (directory / "landslope.toml").open("a") as settings:
         settings.write(ASKS_FLYING_ON)
     return directory
+
+
+def write_video(path: Path, video: VideoFile, frames: int, codec: str) -> None:
+    """The first frames of a video without loss; "Y800" is not compressed and costs the least to write and read."""
+    fourcc, size = cv2.VideoWriter_fourcc(*codec), (video.width, video.height)
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, fourcc, video.fps, size, False)
+    for index, image in video.images():
+        if index == frames:
+            break
+        writer.write(image)
+    writer.release()
 
 
 Message = tuple[int, Any]

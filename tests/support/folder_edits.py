@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from flight_copy import FLIGHTS, Message, edit_rows, rewrite, short_flight
+from flight_copy import FLIGHTS, Message, edit_rows, rewrite, short_flight, write_video
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from drivers.files.video_file import VideoFile
 
 __all__ = ["EDITS", "FLIGHTS", "Edit", "edit_rows", "short_flight"]
 
@@ -44,8 +46,13 @@ def damaged(data: bytes) -> bytes:
 
 
 def video_damaged(folder: Path) -> None:
-    path = folder / "camera.mkv"
-    path.write_bytes(damaged(path.read_bytes()))
+    path, coded = folder / "camera.mkv", folder / "coded.mkv"
+    video = VideoFile(path)
+    write_video(
+        coded, video, video.frame_count, "FFV1"
+    )  # damage to a video that is not compressed shows in pictures alone
+    path.write_bytes(damaged(coded.read_bytes()))
+    coded.unlink()
 
 
 def stamps_missing(folder: Path) -> None:

@@ -23,10 +23,10 @@ from landing.vision.tracking import FeatureTracker
 
 FLIGHTS = REPOSITORY / "sitl_logs"
 CUTS = {
-    "steep": ("ramp_a", 17.2, 20.7),
+    "steep": ("ramp_a", 17.2, 20.0),
     "agile": ("agile_a", 8.5, 12.0),
     "stairs": ("stairs_a", 14.0, 18.0),
-    "descent": ("descent_a", 10.5, 14.0),
+    "descent": ("descent_a", 10.5, 13.3),
 }
 """Flight, start and end in seconds: 20 degrees of slope, level ground in a fast turn, stairs to floor, 15 degrees
 straight down."""
@@ -197,7 +197,7 @@ def spoiled_tracks(share: float) -> Iterator[None]:
 @dataclass(frozen=True)
 class Outcome:
     """Of the frames where one plane fills the view: ``errors`` and ``stds`` (n,) in degrees of those with an
-    inclination, ``silent`` the words of those without; ``unsafe_flat``: frames called flat that are plainly not."""
+    inclination, ``silent`` the words of those without; ``unsafe_flat``: frames called flat that are clearly not."""
 
     errors: NDArray[np.float64]
     stds: NDArray[np.float64]

@@ -6,7 +6,7 @@ each flight whose estimates are DIRECTORY/FLIGHT.jsonl. Truth has one row a came
 over the distance along the axis, 1/s), ``plane_fraction`` (share of the view that belongs to the plane under the
 axis), ``relief`` (RMS distance of all that is in view from its best plane, over the distance along the axis) and
 ``fit_inclination_deg`` (of that plane). Slopes count where one plane fills the view; the flat flag and the
-roughness are held against the whole view, without the doubtful cases between plainly good and plainly bad.
+roughness are held against the whole view, without the doubtful cases between clearly good and clearly bad.
 """
 
 import csv

@@ -14,7 +14,7 @@ from mavsdk.plugins.action import Action
 from mavsdk.plugins.telemetry import Telemetry
 
 
-def wait_for(condition: Callable[[], bool], what: str, seconds: float = 40.0) -> None:
+def wait_for(condition: Callable[[], bool], what: str, seconds: float = 300.0) -> None:
     """Poll until the condition holds; end the script when it does not."""
     end = time.monotonic() + seconds
     while not condition():

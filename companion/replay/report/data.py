@@ -5,6 +5,7 @@ from typing import Any
 
 from companion.messages.ground_cells import drawable
 from companion.replay.history import History
+from companion.replay.procedure_spans import steered
 from companion.replay.report.recorder import ReportRecorder
 from landing.options import DecisionOptions
 
@@ -52,6 +53,7 @@ def report_data(history: History, limits: DecisionOptions, recorder: ReportRecor
         "path": [[round(value, 3) for value in point] for point in recorder.path],
         "modes": [[round(at, 3), mode, armed] for at, mode, armed in recorder.modes],
         "maps": _maps(recorder),
+        "places": _places(history, recorder),
     }
 
 
@@ -95,3 +97,20 @@ def _maps(recorder: ReportRecorder) -> list[dict[str, Any]]:
     ]
     step = max(1, math.ceil(len(found) / MOST_MAPS))
     return found[::-1][::step][::-1]
+
+
+def _places(history: History, recorder: ReportRecorder) -> dict[str, Any]:
+    """The places that the landing procedure chose, as [time, north, east] in the axes of the path; None: none then."""
+    found: list[list[float | None]] = []
+    path, k = recorder.path, 0
+    for at_s, decision in history.decisions:
+        while k + 1 < len(path) and path[k + 1][0] <= at_s:
+            k += 1
+        doing = steered(decision)
+        now: list[float | None] = [None, None]
+        if path and doing is not None and doing.spot_north_m is not None and doing.spot_east_m is not None:
+            now = [round(path[k][1] + doing.spot_north_m, 2), round(path[k][2] + doing.spot_east_m, 2)]
+        if (found[-1][1:] if found else [None, None]) != now:
+            found.append([round(at_s, 3), *now])
+    radius_m = recorder.radius_m
+    return {"radius_m": round(radius_m, 3) if math.isfinite(radius_m) else None, "chosen": found}

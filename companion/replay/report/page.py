@@ -12,7 +12,7 @@ from typing import Any
 from companion.errors import LandslopeError
 from companion.messages.messages import Health
 from companion.replay.history import History
-from companion.replay.procedure_spans import procedure_spans
+from companion.replay.procedure_spans import procedure_spans, steered
 from companion.replay.report.data import PLOTS, report_data, verdict_spans
 from companion.replay.report.recorder import ReportRecorder
 from companion.replay.summary import fit_line, landing_lines, share_line, stretches
@@ -41,7 +41,7 @@ def write_report(
         _below(history, settings),
         _video(video),
         _plots(),
-        _map(recorder),
+        _map(history, recorder),
         _events(history, recorder),
         _health(history.health),
         _settings(settings),
@@ -162,13 +162,15 @@ def _plots() -> str:
     )
 
 
-def _map(recorder: ReportRecorder) -> str:
+def _map(history: History, recorder: ReportRecorder) -> str:
     if not recorder.path and not recorder.grounds:
         words = "The recording has no position of the vehicle."
         return f'<section class="card"><h2>From above</h2><p>{words}</p></section>'
     words = "The path in the colours of the verdict, north up; the ring is where a landing was requested."
     if recorder.grounds:
         words += " Cells: green landable, red hazard, grey unknown."
+    if any(steered(decision) is not None for _, decision in history.decisions):
+        words += " Violet: the place that the landing procedure has chosen, and the way there."
     return (
         f'<section class="card"><h2>From above</h2><p class="note">{words}</p>'
         '<canvas id="map" role="img" aria-label="the flight from above"></canvas></section>'

@@ -24,6 +24,7 @@ class ReportRecorder:
 
     def __init__(self, camera: CameraModel, radius_m: float = math.nan) -> None:
         """``radius_m``: of the disc that the vehicle stands on."""
+        self.radius_m = radius_m
         self.path: list[tuple[float, float, float, float]] = []
         """(time_s, north_m, east_m, down_m) of the vehicle in the autopilot's local frame."""
         self.modes: list[tuple[float, str, bool]] = []

@@ -123,6 +123,7 @@ function drawMap() {
   const shown = data.maps.filter(m => m.time <= cursor).pop() || data.maps[0];
   const grid = (data.maps.filter(m => m.map && m.time <= cursor).pop() || {}).map;
   let ns = data.path.map(p => p[1]), es = data.path.map(p => p[2]);
+  for (const p of data.places.chosen) if (p[1] !== null) { ns.push(p[1]); es.push(p[2]); }
   for (const m of data.maps) { ns.push(m.north_m); es.push(m.east_m); if (m.map) {
     ns.push(m.map.north0_m, m.map.north0_m + m.map.rows * m.map.cell_m); es.push(m.map.east0_m, m.map.east0_m + m.map.columns * m.map.cell_m); } }
   const n0 = Math.min(...ns) - 1, n1 = Math.max(...ns) + 1, e0 = Math.min(...es) - 1, e1 = Math.max(...es) + 1;
@@ -151,6 +152,13 @@ function drawMap() {
   const place = time => data.path.filter(p => p[0] <= time).pop() || data.path[0];
   for (const at of data.requests) { const p = place(at); if (p) ring(p[1], p[2], 9, t.fg, 3); }
   if (shown && grid) for (const s of shown.spots || []) ring(shown.north_m + s.north_m, shown.east_m + s.east_m, s.radius_m * scale, inks.fit, 2);
+  const chosen = data.places.chosen.filter(p => p[0] <= cursor).pop(), vehicle = place(cursor);
+  if (chosen && chosen[1] !== null && vehicle) {
+    // the map's own axes, where it is shown, lie where the vehicle was in them
+    const then = shown && grid ? place(shown.time) : [0, 0, 0], dn = shown && grid ? shown.north_m - then[1] : 0, de = shown && grid ? shown.east_m - then[2] : 0;
+    ring(chosen[1] + dn, chosen[2] + de, Math.max(5, (data.places.radius_m || 0) * scale), "#d13bb5", 3);
+    c.lineWidth = 2; c.beginPath(); c.moveTo(px(vehicle[2] + de), py(vehicle[1] + dn)); c.lineTo(px(chosen[2] + de), py(chosen[1] + dn)); c.stroke();
+  }
   const here = shown && grid ? [0, shown.north_m, shown.east_m] : place(cursor);
   if (here) { c.fillStyle = "#8a5cf0"; c.beginPath(); c.arc(px(here[2]), py(here[1]), 6, 0, 7); c.fill(); }
   const metres = [1, 2, 5, 10, 20, 50, 100].find(m => m * scale > 50) || 100;

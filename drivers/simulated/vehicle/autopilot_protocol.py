@@ -1,6 +1,7 @@
-"""What the simulated autopilot answers: commands, modes, setpoints, parameters, time synchronisation.
+"""The MAVLink protocol of the simulated autopilot: commands, modes, setpoints, parameters, time synchronisation.
 
-``handle`` takes one MAVLink message and returns the answers with the delay after which each is sent.
+``handle`` takes one MAVLink message at a simulated time in s, changes the ``FlightController`` and the
+``TelemetryStreams``, and returns the replies, each with the delay in s after which it is sent.
 """
 
 import math
@@ -40,7 +41,7 @@ _REFUSALS = {
 }
 ACCEPTED, FAILED = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_FAILED
 FORCE = 21196
-"""The magic of COMPONENT_ARM_DISARM's second parameter."""
+"""Second parameter of COMPONENT_ARM_DISARM that forces it (MAVLink's constant)."""
 Replies = list[tuple[float, Any]]
 """(delay in s, message)."""
 
@@ -59,7 +60,7 @@ class ReceivedCommand:
 
 @dataclass(slots=True)
 class AutopilotProtocol:
-    """One autopilot's half of the conversation."""
+    """The autopilot's side of the protocol; ``commands`` and ``setpoints`` record what it received."""
 
     controller: FlightController
     streams: TelemetryStreams
@@ -81,7 +82,7 @@ class AutopilotProtocol:
         self._answers[command] = answer
 
     def handle(self, message: Any, time_s: float) -> Replies:
-        """Take a message in; what it brings forth."""
+        """Process one message; the replies to it."""
         target = getattr(message, "target_system", 0)
         if target not in (0, self.system_id):
             return []

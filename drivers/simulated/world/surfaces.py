@@ -1,6 +1,8 @@
 """The surfaces of the simulated ground: ramps, stairs, steps, roofs, boxes, rubble, rolling terrain.
 
-Lengths in metres, bearings in degrees clockwise from north, heights positive upwards.
+Each function returns the facets of one surface, flat polygons with a material (corners in the world frame NED, m).
+Lengths in metres, bearings in degrees clockwise from north, heights positive upwards. ``texture_m``: side of the ground
+that one texture image covers.
 """
 
 import math

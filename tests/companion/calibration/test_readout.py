@@ -82,7 +82,7 @@ def test_a_global_shutter_is_found_to_have_none(monkeypatch):
         nonlocal frames
         for sample in source.samples():
             frames += isinstance(sample, Frame)
-            if frames > 480:
+            if frames > 360:
                 return
             yield sample
 

@@ -4,7 +4,8 @@ import random
 from itertools import pairwise
 
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.clocks.clock import WRAP_US, AutopilotClock, ClockChange
@@ -58,7 +59,7 @@ class Link:
     st.sampled_from([10.0, 50.0, 200.0]),
     st.booleans(),
 )
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_the_relation_stays_within_a_millisecond(seed, drift_ppm, loss, rate_hz, truncate):
     link, clock = Link(seed, drift_ppm, loss=loss), AutopilotClock(SyncSettings())
     link.run(clock, BOOT_US, 6, rate_hz, truncate=truncate)
@@ -89,7 +90,7 @@ def test_conversion_goes_both_ways():
 
 
 @given(st.integers(0, 2**31), st.sampled_from([20.0, 100.0]))
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_the_stated_doubt_covers_the_error(seed, rate_hz):
     link, clock = Link(seed, 50), AutopilotClock(SyncSettings())
     link.run(clock, BOOT_US, 20, rate_hz)

@@ -3,7 +3,8 @@
 import random
 
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.clocks.clock import AutopilotClock, ClockChange
@@ -75,7 +76,7 @@ def test_lateness_does_not_move_the_relation(late_s):
 
 
 @given(st.floats(0.02, 1.5), st.floats(0.1, 12), st.floats(4, 20), st.integers(0, 1000))
-@settings(max_examples=25, deadline=None)
+@examples(25)
 def test_no_lateness_of_any_size_is_called_a_clock_that_was_set(late_s, for_s, at_s, seed):
     changes, errors = feed(
         AutopilotClock(SyncSettings()), 35, step(at_s, for_s, late_s), rate_hz=50, seed=seed

@@ -12,7 +12,8 @@ import time
 
 import pytest
 from bus_support import PATIENCE_S, Watcher, alive
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 from ports import free_endpoint
 from rich.console import Console
@@ -126,7 +127,7 @@ def test_a_forged_message_is_refused_counted_and_kills_nothing():
     assert f"{len(forged)} messages that do not follow the schema" in text
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(text=st.text(), name=st.text(min_size=1))
 def test_no_text_of_a_vehicle_reaches_the_terminal_as_a_control_sequence(text, name):
     view = View()

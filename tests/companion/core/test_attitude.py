@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.core.attitude import AttitudeBuffer, BodyAttitude
@@ -86,7 +87,7 @@ def test_the_gyros_delay_is_taken_out():
 
 
 @given(st.floats(0, 1.99), st.sampled_from([10.0, 25.0, 100.0]), st.sampled_from([0.0, 50.0, 100.0]))
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_what_comes_out_is_a_rotation(t, attitude_hz, gyro_hz):
     estimate = filled(NO_DELAY, attitude_hz, gyro_hz).at(round(t * 1e6))
     assert isinstance(estimate, BodyAttitude)

@@ -246,6 +246,14 @@ def test_after_a_reboot_nothing_is_known_and_nothing_permitted() -> None:
     assert scene.codes() == ["rebooted"]
 
 
+def test_frames_without_an_attitude_withhold_without_ending_the_permission() -> None:
+    scene = flying()
+    scene.health.attitude_missing = "attitude gap"
+    assert scene.codes() == ["attitude_missing"]
+    scene.health.attitude_missing = ""
+    assert scene.codes() == []
+
+
 def test_two_vehicles_withhold_without_ending_the_permission() -> None:
     scene = flying()
     scene.health.vehicles_clash = True

@@ -7,10 +7,11 @@ import pytest
 import sample_edits
 
 from companion.core.core import Core, LandRequest, Processed
+from companion.core.health import Clocks, HealthMonitor
 from companion.messages.messages import Decision, Estimate, Event, Health, encode
 from companion.replay.source import PlainCamera, open_source
 from drivers.refusals import RefusalCode
-from drivers.samples import Attitude, Frame, Refusal
+from drivers.samples import Attitude, Frame, Imu, Refusal
 from landing.vision.camera import CameraModel
 
 MESSAGES = (Estimate, Decision, Health, Event)
@@ -135,12 +136,54 @@ def test_an_image_of_another_size_is_refused(source, samples):
     assert of(out, Health)[-1].counters["refused frames: image_size"] == 90
 
 
-def test_a_second_vehicle_is_reported_once_and_nothing_is_requested(source, samples):
+def test_a_second_vehicle_is_reported_once_and_nothing_is_requested_until_it_has_left(source, samples):
     strange = Refusal(samples[0].arrival_us, "ATTITUDE", RefusalCode.SECOND_VEHICLE, "from 7:1")
     out = feed(source, [strange, strange, *samples[:600]], enabled=True)
     assert [e.event for e in of(out, Event)].count("second_vehicle") == 1
     assert of(out, LandRequest) == []
-    assert of(out, Health)[-1].state == "failed"
+
+    def stands(message):
+        return "two_vehicles" in {c.code for c in message.conditions}
+
+    monitor = HealthMonitor(source.settings.health, telemetry=True)
+    assert monitor.second_vehicle(0)
+    assert not monitor.second_vehicle(5_000_000)
+    health = [monitor.message(us, us, Clocks()) for us in (5_000_000, 14_999_999)]
+    assert all(stands(m) and m.state == "failed" for m in health)
+    assert not monitor.second_vehicle_gone(15_000_000)
+    assert monitor.second_vehicle_gone(15_000_001)
+    assert not stands(monitor.message(15_000_002, 15_000_002, Clocks()))
+    assert not monitor.second_vehicle_gone(16_000_000)
+    assert monitor.second_vehicle(17_000_000)
+
+
+def test_the_end_of_a_second_vehicle_is_reported(source, samples):
+    strange = Refusal(samples[0].arrival_us, "ATTITUDE", RefusalCode.SECOND_VEHICLE, "from 7:1")
+    core = Core(source.settings, source.camera, calibrated=True, telemetry=True)
+    out = [o for s in [*samples[:200], strange] for o in core.feed(s)]
+    now_us = core._sync.now_us
+    for k in range(25):
+        out += core.tick(now_us + k * 500_000)
+    names = [e.event for e in of(out, Event)]
+    assert names.count("second_vehicle") == names.count("second_vehicle_gone") == 1
+
+
+def test_frames_without_an_attitude_are_a_condition_until_they_have_one(source, samples):
+    frames = [s for s in samples if isinstance(s, Frame)]
+    hole = frames[30].arrival_us, frames[70].arrival_us
+    holed = [s for s in samples if not (isinstance(s, Attitude | Imu) and hole[0] < s.arrival_us < hole[1])]
+    core = Core(source.settings, source.camera, calibrated=True, telemetry=True)
+    core.set_enabled(True)
+    codes, withheld = [], []
+    for s in holed:
+        out = core.feed(s)
+        if isinstance(s, Frame):
+            codes.append("attitude_missing" in core._health.standing_codes())
+        withheld += [d.withheld_codes for d in of(out, Decision)]
+    assert not any(codes[:30])
+    assert any(codes[40:75])
+    assert not codes[-1]
+    assert any("attitude_missing" in found for found in withheld)
 
 
 def test_refused_frames_are_not_counted_as_taken(source, samples):

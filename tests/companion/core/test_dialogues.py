@@ -93,7 +93,9 @@ def names(story: Story) -> list[str]:
     return [n for _, name in story.events if (n := name.removeprefix("landing_")) in wanted]
 
 
-@pytest.mark.parametrize("name", ["px4_stairs_landed", "ardupilot_stairs_landed"])
+@pytest.mark.parametrize(
+    "name", ["px4_stairs_landed", "ardupilot_stairs_landed", "ardupilot_stream_rates_taken"]
+)
 def test_a_landing_is_followed_to_the_ground(name: str) -> None:
     story = replayed(name)
     assert names(story) == ["accepted", "started", "landed"]

@@ -84,10 +84,10 @@ def test_a_simulated_autopilot_without_gps_says_so_over_its_link(kind):
         )
         link.start()
         try:
-            while not reports.get(timeout=60).velocity_known:
+            while not reports.get(timeout=300).velocity_known:
                 pass
             autopilot.controller.firmware.gps = False
-            while reports.get(timeout=60).velocity_known is not False:
+            while reports.get(timeout=300).velocity_known is not False:
                 pass
         finally:
             link.close()

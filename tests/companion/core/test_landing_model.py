@@ -3,7 +3,8 @@
 from dataclasses import replace
 
 from estimates import FLAT
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.core.command import NAV_LAND
@@ -93,7 +94,7 @@ class Life:
         self.off_since_request = False
 
 
-@settings(deadline=None, max_examples=150)
+@examples(150)
 @given(st.sampled_from(WAYS), st.lists(ACTS, max_size=40))
 def test_invariants_of_any_life(way: dict, acts: list[tuple[str, object]]) -> None:
     life = Life(way)

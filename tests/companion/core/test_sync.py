@@ -7,7 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.clocks.frame_time import FrameTime, FrameTimeline
@@ -257,7 +258,7 @@ def test_repeated_and_single_backward_stamps_are_refused():
 
 
 @given(st.lists(st.integers(-200_000, 400_000), min_size=1, max_size=80))
-@settings(max_examples=200, deadline=None)
+@examples(200)
 def test_time_rises_whatever_the_stamps_do(steps):
     line, stamp, last = FrameTimeline(100_000), 10_000_000, -1
     for step in steps:

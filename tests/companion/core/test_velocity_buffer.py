@@ -5,8 +5,8 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
+from examples import examples
 from hypothesis import given
-from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from companion.core.attitude import AttitudeBuffer
@@ -193,7 +193,7 @@ def test_after_a_gap_the_accelerometer_begins_anew():
     np.testing.assert_allclose(found[0], (1.0, 0.0, 0.0), atol=5e-3)
 
 
-@hypothesis_settings(deadline=None, max_examples=40)
+@examples(40)
 @given(
     st.lists(
         st.tuples(

@@ -49,7 +49,7 @@ def test_the_list_is_read_over_the_link(kind, mode, level):
         autopilot.controller.firmware = Firmware(kind)
         overrides = [f"mavlink.connection=tcp:127.0.0.1:{autopilot.port}", f"landing.enable_modes=['{mode}']"]
         examination = LinkExamination(load(None, overrides).settings, DoctorOptions())
-        deadline = time.monotonic() + 30
+        deadline = time.monotonic() + 300
         while examination._modes.modes() is None and time.monotonic() < deadline:
             examination.look()
             time.sleep(0.05)

@@ -96,7 +96,7 @@ def test_defaults_of_an_autopilot_are_read_over_the_link(
         autopilot.controller.firmware = firmware
         overrides = [f"mavlink.connection=tcp:127.0.0.1:{autopilot.port}", f"landing.procedure={procedure}"]
         examination = LinkExamination(load(None, overrides).settings, DoctorOptions())
-        deadline = time.monotonic() + 15
+        deadline = time.monotonic() + 300
         wanted = set(parameters.names(procedure, firmware.kind)) & set(autopilot.protocol.parameters)
         while not wanted <= examination._parameters.values.keys() and time.monotonic() < deadline:
             examination.look()

@@ -275,7 +275,7 @@ def advertised(app: ClientConnection, wanted: str) -> dict[str, dict[str, Any]]:
     """Channels by topic, once the wanted one is there."""
     channels: dict[str, dict[str, Any]] = {}
     while wanted not in channels:
-        reported = app.recv(timeout=60)
+        reported = app.recv(timeout=300)
         if isinstance(reported, str) and (message := json.loads(reported))["op"] == "advertise":
             channels |= {channel["topic"]: channel for channel in message["channels"]}
     return channels
@@ -300,7 +300,7 @@ def test_the_foxglove_app_is_served_live() -> None:
                 app.send(json.dumps({"op": "subscribe", "subscriptions": asked}))
                 heard: dict[int, bytes] = {}
                 while len(heard) < len(wanted):
-                    data = app.recv(timeout=60)
+                    data = app.recv(timeout=300)
                     if isinstance(data, bytes) and data[0] == 1:
                         (subscription,) = struct.unpack("<I", data[1:5])
                         heard[subscription] = data[13:]

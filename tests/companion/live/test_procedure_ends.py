@@ -50,9 +50,10 @@ class PerfectGround:
     @property
     def sight(self) -> Sight:
         n, e, d = self._vehicle.position
-        return Sight((n + self.error_m, e, d - self.error_up_m), self._vehicle.velocity, -d, 0.05, 0.0)
+        place = n + self.error_m, e, d - self.error_up_m
+        return Sight(place, self._vehicle.velocity, -d, 0.05, 0.0, -d, 0.1)
 
-    def spots(self) -> tuple[Spot, ...]:
+    def spots(self, drift_m: tuple[float, float] = (0.0, 0.0)) -> tuple[Spot, ...]:
         n, e, _ = self._vehicle.position
         return (Spot(5.0 - n, -e, 0.5, 0.5, 0.0, 3.0),)
 
@@ -166,7 +167,7 @@ class Flight(LiveRig):
                 ground_speed_m_s=self.ground_speed_m_s,
                 ground_speed_std_m_s=0.05,
             )
-            out += self.logic.see(seen, now, now, 0.0)
+            out += self.logic.see(seen, now, now, np.eye(3))
         for each in out:
             if isinstance(each, Ordered):
                 self._steering.carry_out(each.order, each.time_unix_us)

@@ -112,7 +112,7 @@ def test_without_a_directory_everything_may_be_reported_and_nothing_is_kept():
 
 @pytest.mark.slow
 def test_a_recorded_flight_replays_like_the_flight_itself(tmp_path, replay_cache):
-    """Eight seconds of a flight go through the recorder; the replay of what it wrote agrees with the original's."""
+    """Five seconds of a flight go through the recorder; the replay of what it wrote agrees with the original's."""
     source = SITL_LOGS / "stairs_a"
     loaded = load(source / "landslope.toml")
     camera = dataclasses.replace(loaded.settings.camera, calibration=str(source / "camera.yaml"))
@@ -121,13 +121,13 @@ def test_a_recorded_flight_replays_like_the_flight_itself(tmp_path, replay_cache
     recording.step(0)
     data, given = bytes_of(source / "vehicle.tlog"), 0
     flight = FlightFolder(source)
-    end_us = flight.start_us + 8 * S
+    end_us = flight.start_us + 5 * S
     for packet in records(data):
         if packet.message_id != GARBAGE and packet.stamp_us < end_us:
             recording.mavlink(packet.stamp_us, data[packet.start + 8 : packet.end])
             given += 1
             if given % 500 == 0:
-                # eight seconds of packets at once are more than the recorder keeps for a slow disk
+                # five seconds of packets at once are more than the recorder keeps for a slow disk
                 wait_for(
                     lambda n=given: recording.counters.get("recorder packets", 0) >= n, "packets on disk"
                 )
@@ -139,15 +139,14 @@ def test_a_recorded_flight_replays_like_the_flight_itself(tmp_path, replay_cache
     (folder,) = (path for path in tmp_path.iterdir() if path.is_dir())
     again = run(folder, folder).estimates
     whole = replayed(replay_cache, "stairs_a").estimates[: len(again)]
-    assert len(again) == pytest.approx(240, abs=10)
+    assert len(again) == pytest.approx(150, abs=10)
     assert [e["time_unix_us"] for e in again] == [e["time_unix_us"] for e in whole]
     both = [(a, b) for a, b in zip(again, whole, strict=True) if a["status"] == b["status"] == "ok"]
-    assert len(both) > 150
+    assert len(both) > 80
     far = [
         abs(a["inclination_deg"] - b["inclination_deg"])
         / max(a["inclination_std_deg"], b["inclination_std_deg"])
         for a, b in both
     ]
     assert statistics.median(far) < 0.5
-    # At the edge of the stairs the smallest change of a picture decides which of two surfaces is seen.
     assert statistics.quantiles(far, n=10)[-1] < 3

@@ -5,9 +5,9 @@ import subprocess
 import sys
 import threading
 
-from daemon_support import DaemonBench, wait_for
+from daemon_support import PATIENCE_S, DaemonBench, wait_for
+from examples import examples
 from hypothesis import given
-from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from ports import free_endpoint, free_udp_port
 
@@ -28,7 +28,7 @@ def test_limits_publishing_and_recording_are_taken_over_and_nothing_else():
     assert "a restart is needed for camera.rate_hz" in found.text
 
 
-@hypothesis_settings(max_examples=50, deadline=None)
+@examples(50)
 @given(st.sampled_from([e for e in entries() if e.limits]), st.floats(0, 1))
 def test_every_setting_is_taken_over_or_named(entry, part):
     value = entry.limits.low + part * (entry.limits.high - entry.limits.low)
@@ -72,11 +72,11 @@ def test_a_running_daemon_takes_settings_over_and_refuses_wrong_ones(tmp_path):
 
 def test_sighup_does_not_end_the_process_at_any_moment(tmp_path):
     """Neither while it starts nor when it runs; afterwards it ends in good order."""
-    config = tmp_path / "landslope.toml"
+    config, flights = tmp_path / "landslope.toml", tmp_path / "flights"
     text = (
         f'[camera]\nsource = "/dev/video77"\n[mavlink]\nconnection = "udpin:127.0.0.1:{free_udp_port()}"\n'
         f'[zenoh]\nlisten = ["{free_endpoint()}"]\n'
-        f'[record]\ndirectory = "{tmp_path / "flights"}"\nwhen = "always"\nmin_free_mb = 1\n'
+        f'[record]\ndirectory = "{flights}"\nwhen = "always"\nmin_free_mb = 1\n'
     )
     config.write_text(text)
     log = tmp_path / "log"
@@ -86,17 +86,19 @@ def test_sighup_does_not_end_the_process_at_any_moment(tmp_path):
         )
     try:
         wait_for(lambda: "landslope runs" in log.read_text(), "start")
+        wait_for(lambda: list(flights.glob("*/landslope.toml")), "recording with the first settings")
         config.write_text(text + "[decision]\ndwell_s = 1.75\n")
         process.send_signal(signal.SIGHUP)
         wait_for(lambda: "decision.dwell_s" in log.read_text(), "reload")
+        wait_for(lambda: len(list(flights.glob("*/landslope.toml"))) == 2, "recording with the next ones")
         config.write_text(text + "[decision]\ndwell_s = 'long'\n")
         process.send_signal(signal.SIGHUP)
         wait_for(lambda: "settings_refused" in log.read_text(), "refusal")
         assert process.poll() is None
     finally:
         process.send_signal(signal.SIGTERM)
-        assert process.wait(60) == 0
-    flown = [(path / "landslope.toml").read_text() for path in sorted((tmp_path / "flights").iterdir())]
+        assert process.wait(PATIENCE_S) == 0
+    flown = [path.read_text() for path in sorted(flights.glob("*/landslope.toml"))]
     assert ["dwell_s = 1.75" in text for text in flown] == [False, True], (
         "a flight is flown with one set of settings"
     )

@@ -5,7 +5,8 @@ from typing import Any
 
 import msgspec
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.core.command import WORDS as COMMAND_WORDS
@@ -166,7 +167,7 @@ def test_what_became_of_a_command_fits_in_one_text_or_is_chunked_whole(code: Com
     assert len(sent) == 1 or code in (Command.NO_MODE_CHANGE, Command.UNSUPPORTED, Command.FAILED)
 
 
-@settings(deadline=None, max_examples=50)
+@examples(50)
 @given(st.text(alphabet=st.characters(codec="ascii", min_codepoint=32), min_size=1, max_size=300))
 def test_chunks_join_to_the_whole_text(words: str) -> None:
     texts = StatusTexts()
@@ -176,7 +177,7 @@ def test_chunks_join_to_the_whole_text(words: str) -> None:
     assert {m.id for m in sent} == ({0} if len(sent) == 1 else {1})
 
 
-@settings(deadline=None, max_examples=50)
+@examples(50)
 @given(st.lists(st.tuples(st.floats(0, 0.5), st.sampled_from(["fit", "unfit", "unknown"]))))
 def test_never_more_than_one_verdict_in_five_seconds(steps: list[tuple[float, str]]) -> None:
     texts, at_s, reported = StatusTexts(), 1.0, []

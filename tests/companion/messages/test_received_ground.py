@@ -7,7 +7,8 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.messages.ground import Ground, ground_message
@@ -78,7 +79,7 @@ def test_spots_without_end_are_refused() -> None:
     assert taken(message) is None
 
 
-@settings(deadline=None, max_examples=50)
+@examples(25)
 @given(
     st.recursive(st.none() | st.integers() | st.text(max_size=5), lambda inner: st.lists(inner, max_size=3))
 )

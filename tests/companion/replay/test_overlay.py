@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace as replace_struct
 
@@ -53,7 +54,7 @@ maybe = st.one_of(st.just(math.nan), st.floats(-1e6, 1e6))
 
 
 @given(angles, angles, maybe, maybe, st.floats(0, 90), maybe, st.sampled_from(list(COLOURS)), st.booleans())
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_any_estimate_can_be_drawn(x, y, roll, pitch, inclination, std, verdict, late):
     estimate = SurfaceEstimate(
         0, 0.0, "ok", "map", slope_x_deg=x, slope_y_deg=y, roll_deg=roll, pitch_deg=pitch,

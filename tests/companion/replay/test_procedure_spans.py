@@ -2,12 +2,15 @@
 
 import msgspec
 import numpy as np
+import pytest
 
 from companion.messages.messages import Decision, Estimate, ProcedureState, estimate_message
 from companion.replay.history import History
-from companion.replay.overlay import Scene, draw
+from companion.replay.overlay import SPOT, Scene, draw
 from companion.replay.plot import plot
 from companion.replay.procedure_spans import procedure_lines, procedure_spans
+from companion.replay.report.data import report_data
+from companion.replay.report.recorder import ReportRecorder
 from companion.replay.summary import Pace, summary
 from landing.estimate import SurfaceEstimate
 from landing.options import DecisionOptions
@@ -95,3 +98,35 @@ def test_it_is_drawn_over_the_time_and_on_the_picture(tmp_path):
     height = plain.shape[0]
     assert rows.min() >= height // 11
     assert rows.max() < 0.2 * height
+
+
+def test_the_disc_of_the_place_is_drawn_where_it_lies():
+    camera = CameraModel.from_focal(320, 240, 200.0)
+    grey = np.full((240, 320), 90, np.uint8)
+    level = SurfaceEstimate(
+        1, 0.0, "ok", "map", slope_x_deg=0.0, slope_y_deg=0.0, roll_deg=0.0, pitch_deg=0.0, height_m=4.0
+    )
+    decided = steered(1, "go", "on_the_way", "flies to the place", (1.5, -0.5))
+    ahead = msgspec.structs.replace(decided.procedure, spot_ahead_m=-0.8, spot_right_m=1.2)
+    shown = msgspec.structs.replace(decided, procedure=ahead)
+    picture = draw(grey, level, camera, Scene(shown, 1.0, radius_m=0.4))
+    rows, columns = (picture == SPOT).all(axis=2).nonzero()
+    scale = picture.shape[1] / 320
+    assert columns.mean() / scale == pytest.approx(160 + 60, abs=3)
+    assert rows.mean() / scale == pytest.approx(120 + 40, abs=3)
+    without = draw(grey, level, camera, Scene(decided, 1.0, radius_m=0.4))
+    assert not (without == SPOT).all(axis=2).any()
+
+
+def test_the_report_has_the_places_in_the_axes_of_the_path():
+    recorder = ReportRecorder(CameraModel.from_focal(320, 240, 200.0), 0.4)
+    try:
+        recorder.path = [(0.0, 0.0, 0.0, -4.0), (2.9, 10.0, 20.0, -4.0), (9.0, 99.0, 99.0, -4.0)]
+        places = report_data(flown(), DecisionOptions(), recorder)["places"]
+    finally:
+        recorder.close()
+    assert places["radius_m"] == 0.4
+    assert places["chosen"] == [
+        [pytest.approx(3.0, abs=0.01), 11.5, 19.5],
+        [pytest.approx(5.0, abs=0.01), None, None],
+    ]

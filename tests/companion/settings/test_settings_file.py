@@ -9,7 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 from places import REPOSITORY
 
@@ -136,7 +137,7 @@ def test_paths_in_a_file_are_relative_to_the_file(tmp_path: Path):
 
 
 @given(st.text(max_size=200))
-@settings(max_examples=200)
+@examples(200)
 def test_no_text_makes_the_reader_fail_in_another_way_than_its_own(text: str):
     with pytest.raises(SettingsError):
         load(None, [text + "?"])

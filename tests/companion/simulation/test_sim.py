@@ -3,17 +3,19 @@
 import csv
 import json
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.cli import main
 from companion.errors import LandslopeError, SettingsError
-from companion.simulation import simulation
+from companion.simulation import monte_carlo, simulation
 from companion.simulation.counting.shares import Share, wilson
 from companion.simulation.flight_result import FlightResult, in_words
 from companion.simulation.ground import patch, unsafe
@@ -34,6 +36,7 @@ from drivers.files.flight_folder import FlightFolder
 from drivers.samples import Frame
 from drivers.simulated.vehicle import autopilot
 from drivers.simulated.world.world import build_world
+from drivers.system.pools import Pool
 
 SMALL = """
 description = "over a steep ramp onto level ground"
@@ -166,7 +169,7 @@ def test_a_landing_onto_what_was_not_in_view_at_the_request_is_broken_off() -> N
     assert held.decisions[-1].command.startswith("held")
 
 
-@settings(deadline=None, max_examples=40)
+@examples(20)
 @given(st.integers(0, 2**31 - 1))
 def test_random_scenarios_are_valid_files(seed: int) -> None:
     scenario = random_scenario(seed)
@@ -293,9 +296,21 @@ def test_flights_that_went_wrong_come_first_in_the_report() -> None:
     assert "seed 4 (step): unsafe: requested at 1.0 s on 3.0 degrees" in words
 
 
-def test_monte_carlo_in_two_processes(tmp_path: Path) -> None:
-    """That a flight is the same in any process is tested with those of Dask."""
-    report = fly_many(2, 59, 2)  # two with short exposures, which are drawn fast
+def test_many_flights_are_handed_to_processes_and_summed_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Real flights in real processes are tested with those of Dask, the processes of this machine in test_workers."""
+    opened: list[int] = []
+
+    def pool(jobs: int, *_: object) -> Pool:
+        opened.append(jobs)
+        return lambda: ThreadPoolExecutor(jobs)
+
+    def flown(seed: int, **_: object) -> Run:
+        return Run(seed, "gentle", "", "right", None, None, None, None, None, False, 0.0, 0.0, 1.0)
+
+    monkeypatch.setattr(monte_carlo, "processes", pool)
+    monkeypatch.setattr(monte_carlo, "fly_one", flown)
+    report = fly_many(2, 59, 2)
+    assert opened == [2]
     assert [r.seed for r in report.runs] == [59, 60]
     assert report.requested_on_unfit.count == 0, report.in_words()
     assert "2 flights" in report.in_words()

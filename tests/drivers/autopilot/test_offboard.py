@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import pytest
 from places import TOOLS
@@ -221,21 +222,7 @@ def test_the_daemons_death_is_the_autopilots_time_out(firmware: Firmware, act: i
     if act is not None:
         vehicle.controller.parameters.values["COM_OBL_RC_ACT"] = act
     with vehicle:
-        given_in = "GUIDED" if act is None else "HOLD"
-        script = [
-            sys.executable,
-            str(TOOLS / "offboard_flight.py"),
-            f"udpout:127.0.0.1:{vehicle.port}",
-            given_in,
-        ]
-        daemon = subprocess.Popen(script)
-        try:
-            deadline = time.monotonic() + 2 * PATIENCE_S
-            while vehicle.vehicle.velocity[0] < 0.4:
-                assert time.monotonic() < deadline
-                time.sleep(0.01)
-            assert vehicle.controller.mode == "GUIDED"
-        finally:
+        with flying(vehicle, "GUIDED" if act is None else "HOLD") as daemon:
             os.kill(daemon.pid, signal.SIGKILL)
             daemon.wait()
         killed_s = vehicle.time_s
@@ -249,6 +236,46 @@ def test_the_daemons_death_is_the_autopilots_time_out(firmware: Firmware, act: i
         assert vehicle.controller.mode == mode
         if act in (None, 5):
             assert math.hypot(*vehicle.vehicle.velocity) < 0.2
+
+
+@contextmanager
+def flying(vehicle: SimulatedAutopilot, given_in: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A process that has taken over and flies."""
+    script = [
+        sys.executable,
+        str(TOOLS / "offboard_flight.py"),
+        f"udpout:127.0.0.1:{vehicle.port}",
+        given_in,
+    ]
+    daemon = subprocess.Popen(script)
+    try:
+        deadline = time.monotonic() + 2 * PATIENCE_S
+        while vehicle.vehicle.velocity[0] < 0.4:
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        assert vehicle.controller.mode == "GUIDED"
+        yield daemon
+    finally:
+        daemon.kill()
+        daemon.wait()
+
+
+@pytest.mark.parametrize("firmware", [Firmware(), Firmware("px4")], ids=["ardupilot", "px4"])
+def test_the_daemons_end_by_sigterm_gives_back_before_the_process_is_gone(firmware: Firmware) -> None:
+    """The setpoints stop and hold is requested and answered; afterwards nothing comes, and the vehicle stands."""
+    vehicle = hovering(firmware, "GUIDED" if not firmware.px4 else "BRAKE")
+    with vehicle:
+        with flying(vehicle, "GUIDED" if not firmware.px4 else "HOLD") as daemon:
+            daemon.send_signal(signal.SIGTERM)
+            assert daemon.wait(PATIENCE_S) == 0
+            assert vehicle.controller.mode == "BRAKE", "hold was in force when the process ended"
+        gone_s, received = vehicle.time_s, len(vehicle.protocol.setpoints)
+        vehicle.speed, vehicle._pace = 4.0, (time.monotonic(), vehicle.time_s)
+        while vehicle.time_s < gone_s + 3.0:
+            time.sleep(0.05)
+        assert len(vehicle.protocol.setpoints) <= received + 1, "one may have been under way"
+        assert vehicle.controller.mode == "BRAKE"
+        assert math.hypot(*vehicle.vehicle.velocity) < 0.2
 
 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])

@@ -132,7 +132,8 @@ def test_frames_behind_damage_keep_their_number(tmp_path):
     """Frames that damage took out of the video are refused by their rows; those behind are not taken for them."""
     recorded = FLIGHTS / "stairs_a"
     folder = Path(shutil.copytree(recorded, tmp_path / "flight"))
-    folder_edits.video_damaged(folder)
+    video = folder / "camera.mkv"
+    video.write_bytes(folder_edits.damaged(video.read_bytes()))
     samples = list(FlightFolder(folder).samples())
     frames = [s for s in samples if isinstance(s, Frame)]
     lost = [s for s in samples if isinstance(s, Refusal)]

@@ -3,7 +3,8 @@
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import DriverError
@@ -152,7 +153,7 @@ def test_what_cannot_be_read_is_refused_with_what_to_do(tmp_path: Path, text: st
     assert "\n" not in str(refused.value)
 
 
-@settings(max_examples=150, deadline=None)
+@examples(150)
 @given(st.data())
 def test_damage_is_one_line_or_a_calibration(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject):
     text = bytearray(

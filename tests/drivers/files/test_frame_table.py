@@ -4,7 +4,8 @@ from pathlib import Path
 
 import folder_edits
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import DriverError
@@ -75,7 +76,7 @@ def test_one_row_with_too_many_values_is_counted(tmp_path: Path):
     assert [refusal.reason for refusal in found.refusals] == ["unreadable_row"]
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(st.text(max_size=60))
 def test_any_text_is_a_table_or_one_line(tmp_path_factory: pytest.TempPathFactory, text: str):
     path = tmp_path_factory.mktemp("table") / "frames.csv"

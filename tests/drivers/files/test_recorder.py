@@ -31,7 +31,7 @@ def options(directory: Path, **changes) -> RecorderOptions:
 
 def await_event(recorder: Recorder, name: str) -> str:
     """The text of the first event of that name."""
-    until = time.monotonic() + 60
+    until = time.monotonic() + 300
     while time.monotonic() < until:
         for event in recorder.events():
             if event.event == name:
@@ -110,7 +110,7 @@ while not recorder.stopped:
 print(recorder.recording, recorder.stopped)
 print(*[event.event for event in recorder.events()], recorder.counters["failures"])
 resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
-until = time.monotonic() + 60
+until = time.monotonic() + 300
 while not recorder.recording and time.monotonic() < until:
     time.sleep(0.02)
 print(recorder.recording, *[event.event for event in recorder.events()])
@@ -135,7 +135,7 @@ MOST_WAITING = 8
 
 def record_until(recorder: Recorder, condition) -> None:
     """Frames, until the condition holds; no more of them than the recorder has time to write."""
-    until, k = time.monotonic() + 60, 0
+    until, k = time.monotonic() + 300, 0
     begun = recorder.counters["frames"]
     while not condition():
         while recorder.recording and k - recorder.counters["frames"] + begun > MOST_WAITING:

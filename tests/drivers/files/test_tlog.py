@@ -3,8 +3,9 @@
 from pathlib import Path
 
 import pytest
+from examples import examples
 from flight_copy import FLIGHTS
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -58,7 +59,7 @@ def test_signed_packets_are_read(tmp_path):
 
 
 @given(st.integers(0, 400))
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_a_cut_end_costs_only_the_last_packet(cut):
     data = b"".join(packet(k) for k in range(10))
     kept = data[: len(data) - cut]
@@ -70,7 +71,7 @@ def test_a_cut_end_costs_only_the_last_packet(cut):
 
 
 @given(st.binary(min_size=1, max_size=300), st.integers(1, 18))
-@settings(max_examples=150, deadline=None)
+@examples(150)
 def test_garbage_between_packets_costs_at_most_a_neighbour(noise, at):
     before, after = b"".join(packet(k) for k in range(at)), b"".join(packet(k) for k in range(at, 20))
     found = list(records(before + noise + after))
@@ -114,7 +115,7 @@ def test_an_empty_file_is_one_refusal(tmp_path):
 
 
 @given(st.binary(max_size=2000))
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_any_bytes_are_read_to_their_end(noise):
     assert sum(r.end - r.start for r in records(noise)) == len(noise)
 

@@ -3,7 +3,8 @@
 import math
 
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -149,7 +150,7 @@ STEPS = st.one_of(
 )
 
 
-@settings(deadline=None, max_examples=200)
+@examples(200)
 @given(st.lists(STEPS, max_size=30), st.floats(0.0, 4.0))
 def test_in_no_order_of_things_does_a_setpoint_pass_that_should_not(steps: list[tuple], speed: float) -> None:
     """Open, ordered lately, in the mode that the order was for, within the limit, and nothing said against it since."""

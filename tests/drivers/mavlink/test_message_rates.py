@@ -122,3 +122,16 @@ def test_every_message_that_may_be_asked_for_has_an_id() -> None:
     wanted = ("CURRENT_MODE", "MANUAL_CONTROL", "SYS_STATUS", "EXTENDED_SYS_STATE", "RC_CHANNELS")
     rates = MessageRates(dict.fromkeys(wanted, 5.0))
     assert [r.message_id for r in rates.due(0)] == [436, 69, 1, 245, 65]
+
+
+def test_a_rate_that_somebody_keeps_taking_is_had_again_when_he_stops() -> None:
+    # on PX4 the interval that another program asked for stands until somebody asks for another
+    stream = Stream(100.0).run(3.0)
+    for _ in range(200):
+        stream.rate_hz = 4.0
+        stream.run(0.3)
+    assert stream.slow, "it is reported meanwhile"
+    left_s = stream.now_s
+    stream.run(6.0)
+    assert stream.rate_hz == 100.0
+    assert stream.asked[-1] - left_s < stream.rates.first_wait_s + 0.1

@@ -1,7 +1,8 @@
 """Messages unpacked here are the ones that pymavlink decodes."""
 
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -12,7 +13,7 @@ from drivers.mavlink.unpacking import PLAIN, Unpacker
 
 @pytest.mark.parametrize("message_id", sorted(MESSAGE_IDS & PLAIN))
 @given(data=st.data())
-@settings(deadline=None, max_examples=15)
+@examples(15)
 def test_it_says_what_pymavlink_says(message_id: int, data: st.DataObject) -> None:
     kind = dialect.mavlink_map[message_id]
     size = kind.unpacker.size

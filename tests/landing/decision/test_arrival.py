@@ -4,10 +4,11 @@ import math
 
 import pytest
 
-from landing.decision.arrival import arrived, beside, over, sink_share, slow
-from landing.decision.looking import Looking, lowest_look
+from landing.decision.arrival import beside, over, sink_share, slow
+from landing.decision.looking import Looking, lowest_look, new_spiral
 from landing.decision.orders import STILL, Inputs
 from landing.decision.procedure_options import (
+    ARM_SHARE,
     ARRIVED_M,
     CLIMB_SPEED,
     HANDED_OVER_M,
@@ -40,15 +41,6 @@ def at(north_m: float, east_m: float = 0.0, **changes: object) -> Inputs:
 )  # fmt: skip
 def test_slow_is_a_level_speed_that_is_known(velocity, expected):
     assert slow(at(0, velocity_ned=velocity), 0.5) is expected
-
-
-@pytest.mark.parametrize(
-    ("off_m", "height_m", "speed", "expected"),
-    [(0.24, 1.0, 0.0, True), (0.26, 1.0, 0.0, False), (0.39, 5.0, 0.0, True), (0.41, 5.0, 0.0, False),
-     (0.1, 1.0, 2 * SLOW_M_S - 0.01, True), (0.1, 1.0, 2 * SLOW_M_S + 0.01, False)],
-)  # fmt: skip
-def test_arrived_is_near_for_its_height_and_slow(off_m, height_m, speed, expected):
-    assert arrived(at(off_m, height_m=height_m, velocity_ned=(0, speed, 0)), SPOT) is expected
 
 
 @pytest.mark.parametrize(
@@ -135,3 +127,22 @@ def test_it_comes_lower_after_a_while_and_not_below_a_height():
     assert looking().lower(100.0, LOOK_LOWER_S) == CLIMB_SPEED
     assert looking().lower(lowest, LOOK_LOWER_S) == 0.0
     assert looking().lower(math.nan, LOOK_LOWER_S) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("height_m", "arm_m"), [(4.0, 4.0 * ARM_SHARE), (0.2, 0.5 * ARM_SHARE), (math.nan, LOOK_RADIUS_M)]
+)
+def test_a_spiral_has_arms_as_near_as_the_view_needs_and_begins_where_the_autopilot_was(height_m, arm_m):
+    begin = Inputs(time_s=0.0, place_ned=(0.0, 0.0, -4.0), local_ned=(3.0, 1.0, -9.0))
+    spiral = new_spiral(begin, height_m, 2.0)
+    reached = []
+    for k in range(1, 4000):
+        spiral.go_on(2.0 + 0.02 * k, 1.0, 0.0)
+        reached.append(spiral.radius_m)
+        assert math.dist(spiral.point[:2], (3.0, 1.0)) == pytest.approx(spiral.radius_m)
+        angle = math.atan2(spiral.point[1] - 1.0, spiral.point[0] - 3.0) % (2 * math.pi)
+        turns = spiral.radius_m / arm_m
+        assert turns % 1 == pytest.approx(angle / (2 * math.pi), abs=1e-6)
+        if reached[-1] > 2.5 * arm_m:
+            return
+    raise AssertionError("it never came so far")

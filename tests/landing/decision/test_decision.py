@@ -4,7 +4,8 @@ import math
 from dataclasses import dataclass, replace
 
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from landing.decision.decision import Decider, against_flat, against_landing
@@ -136,7 +137,7 @@ def test_since_tells_when_the_verdict_began():
     assert verdicts[-1].since_s == pytest.approx(0.5)
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(
     st.lists(
         st.tuples(

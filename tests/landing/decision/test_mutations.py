@@ -12,6 +12,7 @@ from places import REPOSITORY
 
 import companion.core.command as command
 import companion.core.consent as consent
+import companion.core.decision_logic as decision_logic
 import companion.core.pilot as pilot
 import companion.core.vehicle_state as vehicle_state
 import landing.decision.arrival as arrival
@@ -90,6 +91,7 @@ def test_every_rule_of_the_decision_is_needed() -> None:
     ("module", "tests"),
     [
         (consent, ("companion/core/test_consent",)),
+        (decision_logic, ("landing/decision/test_decision_rules",)),
         (vehicle_state, ("companion/core/test_consent", "companion/core/test_vehicle_state")),
         (pilot, ("companion/core/test_consent",)),
         (arrival, ("landing/decision/test_arrival",)),

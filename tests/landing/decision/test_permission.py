@@ -3,7 +3,8 @@
 from dataclasses import dataclass, replace
 
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from landing.decision.permission import Gate, Permission, Phase, Position, Seen, Switch, objections
@@ -188,6 +189,7 @@ RULES = [
     ({"vehicle": "fixed_wing"}, "no multicopter or helicopter: fixed_wing"),
     ({"vehicle": "vtol"}, "the VTOL is not known to hover"),
     ({"stale": ("attitude", "frames")}, "stale inputs: attitude, frames"),
+    ({"attitude_missing": True}, "the frames have no attitude"),
     ({"two_vehicles": True}, "two vehicles on the link, set vehicle.system_id"),
     ({"calibrated": False}, "the camera is not calibrated"),
     ({"command_busy": True}, "a command is under way"),
@@ -247,7 +249,7 @@ class Model:
     off_since_end: bool = False
 
 
-@settings(max_examples=150, deadline=None)
+@examples(150)
 @given(st.sampled_from([RADIO, MODE, BOTH]), st.lists(ACTS, max_size=40))
 def test_invariants_of_any_life(switch: Switch, acts: list[tuple[str, object]]) -> None:
     permission, seen, model = Permission(switch), Seen(radio=UNCLEAR), Model()

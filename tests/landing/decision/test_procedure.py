@@ -6,12 +6,21 @@ from dataclasses import replace
 import pytest
 from procedure_flight import BAD, DARK, DT, GOOD, HERE, OPTIONS, Flight
 
-from landing.decision.guidance import ACCELERATION, Descent, Shaper, Spiral, towards
+from landing.decision.guidance import (
+    ACCELERATION,
+    SPIRAL_NEAR_M,
+    SPIRAL_WAITS_S,
+    Descent,
+    Shaper,
+    Spiral,
+    towards,
+)
+from landing.decision.looking import lowest_look
 from landing.decision.orders import WORDS, Inputs, OrderKind, State, Why
 from landing.decision.procedure_options import (
     LIMIT_S,
     LOOK_LEAST_S,
-    LOWEST_LOOK_M,
+    LOOK_SINK,
     TRIES,
     UNKNOWN_S,
     ProcedureOptions,
@@ -133,7 +142,7 @@ def test_unknown_ground_is_looked_at_from_lower_down_and_then_searched():
     while (step := flight.step()).state is State.LOOK:
         lowest = -flight.place[2]
         assert step.why is not Why.TOO_HIGH or step.order.velocity_ned[2] >= 0
-    assert LOWEST_LOOK_M - 0.3 < lowest < LOWEST_LOOK_M + 0.1
+    assert lowest_look(OPTIONS) - 0.3 < lowest < lowest_look(OPTIONS) + 0.1
     assert flight.until(State.SEARCH).why is Why.NO_SPOT
 
 
@@ -146,7 +155,7 @@ def test_after_a_place_far_out_turned_out_unfit_it_looks_within_the_reach_of_the
     begun, farthest = flight.place[1], 0.0
     while flight.step(below=DARK).state is State.LOOK:
         farthest = max(farthest, math.hypot(*flight.place[:2]))
-    assert begun > 2.0
+    assert begun > 1.8
     assert farthest < begun + 0.5
     assert flight.machine.why is Why.CHOOSING
 
@@ -187,27 +196,44 @@ def test_it_searches_along_a_spiral_and_gives_back():
     assert 3.5 < farthest < 4.6
 
 
-@pytest.mark.parametrize(
-    ("disc", "why", "after_s"), [(BAD, Why.SPOT_HAZARD, 0.0), (DARK, Why.SPOT_UNKNOWN, UNKNOWN_S)]
-)
-def test_a_place_that_turns_out_unfit_is_left_upwards_and_not_chosen_again(disc, why, after_s):
+def test_a_place_that_turns_out_a_hazard_is_left_upwards_and_not_chosen_again():
     flight = Flight()
     flight.until(State.DESCEND)
     for _ in range(int(2 / DT)):
         flight.step()
     low, began_s = -flight.place[2], flight.time_s
-    step = flight.until(State.HOLD, 5.0, at_spot=disc)
-    assert step.why is why
-    assert flight.time_s - began_s == pytest.approx(after_s, abs=0.25)
+    step = flight.until(State.HOLD, 5.0, at_spot=BAD)
+    assert step.why is Why.SPOT_HAZARD
+    assert flight.time_s - began_s == pytest.approx(0.0, abs=0.25)
     flight.until(State.LOOK)
     assert -flight.place[2] > low
-    if disc is DARK:  # ground that showed nothing may be chosen again
-        flight.until(State.GO)
-        return
     flight.until(State.SEARCH)
     flight.spot = (-1.0, -1.0)
     flight.until(State.HAND_OVER)
     assert math.dist(flight.place[:2], flight.spot) < 0.2
+
+
+def test_a_place_that_is_unknown_is_come_down_to_more_slowly_as_low_as_it_looks_and_left_then():
+    flight, lowest = Flight(), lowest_look(OPTIONS)
+    flight.place[2] = -5.0
+    flight.until(State.DESCEND)
+    for _ in range(int(2 / DT)):
+        flight.step()
+    passed_s, sinks = math.nan, []
+    while (step := flight.step(at_spot=DARK)).state is State.DESCEND:
+        height = -flight.place[2]
+        if height <= lowest and math.isnan(passed_s):
+            passed_s = flight.time_s
+        if step.why is Why.SPOT_UNSURE and height > lowest:
+            sinks.append(step.order.velocity_ned[2] / height)
+    assert max(sinks[20:]) == pytest.approx(LOOK_SINK, abs=0.05)
+    assert step.why is Why.SPOT_UNKNOWN
+    assert flight.time_s - passed_s == pytest.approx(UNKNOWN_S, abs=0.1)
+    held_m = -flight.place[2]
+    flight.until(State.LOOK)
+    assert held_m - 0.3 < -flight.place[2] < held_m + 0.1
+    # ground that showed nothing may be chosen again
+    flight.until(State.GO)
 
 
 def test_after_some_tries_it_gives_back():
@@ -268,13 +294,25 @@ def test_speeds_change_within_the_acceleration_and_nan_is_no_speed():
 def test_the_spiral_covers_its_circle_at_constant_speed():
     spiral, before, way = Spiral((0.0, 0.0, 0.0), 2.0, 0.0), None, []
     for k in range(1, 2000):
-        spiral.go_on(k * 0.02, 1.0)
+        assert spiral.go_on(k * 0.02, 1.0, 0.0)
         point = spiral.point
         if before is not None:
             way.append(math.dist(before[:2], point[:2]))
         before = point
     assert min(way) > 0.018
     assert max(way) < 0.022
+
+
+def test_the_spiral_waits_for_the_vehicle_but_not_for_ever():
+    spiral = Spiral((0.0, 0.0, 0.0), 2.0, 0.0)
+    spiral.go_on(0.0, 1.0, 0.0)
+    began, moved_s = spiral.point, math.nan
+    for k in range(1, 600):
+        assert not spiral.go_on(k * 0.02, 1.0, SPIRAL_NEAR_M + 0.5)
+        if math.isnan(moved_s) and spiral.point != began:
+            moved_s = k * 0.02
+    assert moved_s == pytest.approx(SPIRAL_WAITS_S, abs=0.05)
+    assert spiral.go_on(12.0, 1.0, 0.0)
 
 
 def test_a_landing_autopilot_is_reported_where_to_while_it_lands_and_nothing_else():

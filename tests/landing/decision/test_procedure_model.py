@@ -2,7 +2,8 @@
 
 import math
 
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from landing.decision.fence import CLIMB_MARGIN_M
@@ -51,7 +52,7 @@ events = st.sampled_from(
 )
 
 
-@settings(deadline=None, max_examples=150)
+@examples(150)
 @given(
     st.lists(st.tuples(st.floats(0.02, 0.4), spots, discs, number, st.one_of(st.none(), events)), max_size=60)
 )

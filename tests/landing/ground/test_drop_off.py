@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from landing.ground.border import SIDES
@@ -38,7 +39,7 @@ def test_many_uncertain_tracks_are_sure_together(side: int, step: float):
     assert Options().decision.max_roughness ** 2 < found
 
 
-@settings(max_examples=200, deadline=None)
+@examples(200)
 @given(st.integers(0, 2**31), st.floats(0.005, 0.05))
 def test_noise_alone_is_no_drop_off(seed: int, std: float):
     relief, pixels = tracks(seed, 0, 0.0, 0.0, std)

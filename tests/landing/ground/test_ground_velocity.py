@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from landing.ground.ground_velocity import GroundVelocity, Passage, misfit
@@ -108,7 +109,7 @@ def test_another_ground_below_is_found_anew():
     assert found.distance_m == pytest.approx(2.0, rel=0.2)
 
 
-@settings(deadline=None, max_examples=25)
+@examples(25)
 @given(
     st.floats(0, 1.5), st.floats(0, 2 * math.pi), st.floats(0.8, 15), st.floats(0.3, 3), st.integers(0, 1000)
 )

@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from landing.ground.map import CELL_M, CELLS, GroundMap
@@ -42,7 +43,7 @@ def test_looks_from_elsewhere_fall_into_the_same_cells() -> None:
     assert ground.disputed.max() == 0.0
 
 
-@settings(deadline=None, max_examples=25)
+@examples(25)
 @given(north=st.floats(-40, 40), east=st.floats(-40, 40), up=st.floats(-3, 3))
 def test_the_map_is_the_same_wherever_it_was_begun(north: float, east: float, up: float) -> None:
     ground = GroundMap(GroundOptions(), FOCAL_PX)
@@ -56,7 +57,7 @@ def test_the_map_is_the_same_wherever_it_was_begun(north: float, east: float, up
     assert ground.height[row, column] == pytest.approx(up - HEIGHT, abs=1e-6)
 
 
-@settings(deadline=None, max_examples=25)
+@examples(25)
 @given(rows=st.integers(-300, 300), columns=st.integers(-300, 300))
 def test_cells_move_with_the_ground_and_what_comes_into_the_grid_is_unknown(rows: int, columns: int) -> None:
     ground = GroundMap(GroundOptions(), FOCAL_PX)

@@ -192,3 +192,24 @@ def test_without_motion_there_is_no_height() -> None:
     relief = looked(Scene(), way=1e-5)
     assert not relief.known.any()
     assert all(math.isnan(depth) for depth in relief.depth)
+
+
+def test_a_look_that_is_too_uncertain_asks_for_a_longer_baseline_and_a_sure_one_for_the_usual() -> None:
+    relief = DenseRelief(GroundOptions(), CAMERA)
+    usual_px = relief.target_px
+    seen = looked(Scene())
+    uncertain, sure = (replace(seen, std=np.full_like(seen.std, std)) for std in (0.012, 0.001))
+    nothing = replace(seen, depth=np.full_like(seen.depth, math.nan))
+    for _ in range(30):
+        relief.ask_for(nothing, 0.006)
+    assert relief.target_px == usual_px
+    for _ in range(3):
+        before_px = relief.target_px
+        relief.ask_for(uncertain, 0.006)
+        assert before_px < relief.target_px < 2.5 * usual_px
+    for _ in range(30):
+        relief.ask_for(uncertain, 0.006)
+    assert relief.target_px == pytest.approx(2.5 * usual_px, rel=0.01)
+    for _ in range(40):
+        relief.ask_for(sure, 0.006)
+    assert relief.target_px == pytest.approx(usual_px, rel=0.01)

@@ -2,7 +2,8 @@
 
 import numpy as np
 import synthetic_flow
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from landing.motion.motion import OverPlane
@@ -13,7 +14,7 @@ step = st.floats(-0.3, 0.3)
 slope = st.floats(-1.0, 1.0)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(step, step, step, slope, slope)
 def test_displacement_is_exact_for_finite_motion(tx: float, ty: float, tz: float, a: float, b: float):
     rng = np.random.default_rng(1)

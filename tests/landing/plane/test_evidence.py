@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from landing.plane.evidence import Evidence, EvidenceOptions, from_world, slope_std, to_world
@@ -52,7 +53,7 @@ def feed(
     return errors
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(angle, angle, st.floats(-3, 3), st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
 def test_to_the_world_and_back_is_the_same(roll: float, pitch: float, yaw: float, a: float, b: float):
     turn = matrix_from_euler(roll, pitch, yaw) @ DOWN

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 import synthetic_flow as flow
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from landing.plane.planefit import FitPrior, _Problem, fit_plane, start_from_homography
@@ -31,7 +32,7 @@ def test_without_noise_the_plane_is_exact_for_any_motion(motion: str, slope_deg:
         assert (fit.weight[~made.outlier] > 0.9).all()
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(*(st.floats(-0.15, 0.15) for _ in range(3)), *(st.floats(-0.8, 0.8) for _ in range(2)))
 def test_a_homography_starts_it_exactly(tx: float, ty: float, tz: float, a: float, b: float):
     t = np.array((tx, ty, tz))

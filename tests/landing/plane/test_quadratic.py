@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 import synthetic_flow
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from landing.motion.views import Baseline
@@ -50,7 +51,7 @@ def estimator(**changes: float) -> QuadraticEstimator:
     return QuadraticEstimator(EstimatorOptions(method="quadratic", **changes), FOCAL_PX, 150)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(speed, speed, speed, slope, slope)
 def test_the_flow_of_a_plane_has_the_papers_coefficients(wx: float, wy: float, wz: float, a: float, b: float):
     place = np.random.default_rng(2).uniform(-0.5, 0.5, (40, 2))
@@ -65,7 +66,7 @@ def test_the_flow_of_a_plane_has_the_papers_coefficients(wx: float, wy: float, w
     assert pu[1] + pv[2] == pytest.approx(2 * wz + a * wx + b * wy, abs=1e-9)
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(speed, speed, st.floats(-0.3, 0.3), slope, slope)
 def test_sideways_the_first_order_terms_tell_the_slopes(wx: float, wy: float, wz: float, a: float, b: float):
     if math.hypot(wx, wy) < 0.06:
@@ -77,7 +78,7 @@ def test_sideways_the_first_order_terms_tell_the_slopes(wx: float, wy: float, wz
     assert plane.divergence == pytest.approx(2 * wz + a * wx + b * wy, abs=1e-6)
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(st.floats(0.1, 0.6), slope, slope)
 def test_along_the_axis_the_second_order_terms_do(wz: float, a: float, b: float):
     plane = estimator().fit(moved((0.0, 0.0, wz), a, b))

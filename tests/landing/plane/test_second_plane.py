@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 import synthetic_flow as flow
-from hypothesis import assume, given, settings
+from examples import examples
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from landing.options import EstimatorOptions
@@ -24,7 +25,7 @@ def made_by(t, a, b):
     )
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(part, part, part, st.floats(-0.7, 0.7), st.floats(-0.7, 0.7), st.lists(part, min_size=3, max_size=3))
 def test_the_other_plane_makes_the_same_homography(tx, ty, tz, a, b, turn):
     """H = R + T n^T, up to its scale: what is across the normal is only turned."""

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from landing.plane.surface import slopes_in_body, surface, surface_in_ned
@@ -35,7 +36,7 @@ def below(normal_ned: np.ndarray, ned_from_body: np.ndarray, mount: np.ndarray =
     return surface(a, b, NO_ERROR, ned_from_camera, mount, roll, pitch, 0.0)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(angle, angle, heading)
 def test_level_ground_is_level_from_any_attitude(roll: float, pitch: float, yaw: float):
     found = below(ground(0, 0), matrix_from_euler(roll, pitch, yaw))
@@ -55,7 +56,7 @@ def test_level_ground_under_a_pitched_or_rolled_vehicle(yaw: float):
         assert (found.pitch_deg, found.roll_deg) == pytest.approx((0, 0), abs=1e-9)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(angle, angle, heading, st.floats(0, 359), st.floats(1, 50))
 def test_inclination_and_bearing_do_not_depend_on_the_vehicle(roll, pitch, yaw, uphill_deg, inclination_deg):
     attitude = matrix_from_euler(roll, pitch, yaw)

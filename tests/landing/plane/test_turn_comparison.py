@@ -1,6 +1,7 @@
 """The rotation of the pictures against the vehicle's: an attitude that wanders is none of what a wrong mount is."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -24,7 +25,9 @@ def gusts(t: float):
     )
 
 
-def compared(reported, seed: int = 3, speed_m_s: float = 0.6, noise_px: float = 0.3, step_m: float = 0.0):
+def compared(
+    reported, seed: int = 3, speed_m_s: float = 0.6, noise_px: float = 0.3, step_m: float = 0.0, wander=None
+):
     """All comparisons of a flight 2 m over ground whose attitude at t is given as ``reported(t)``.
 
     The ground is level but for a step across the way, in view from the start.
@@ -37,6 +40,7 @@ def compared(reported, seed: int = 3, speed_m_s: float = 0.6, noise_px: float = 
     for k in range(round(RATE_HZ * SECONDS)):
         t = k / RATE_HZ
         views = flight.step(t, np.array((speed_m_s * t, 0.0, 0.0)), gusts(t), reported(t))
+        views._views[-1] = replace(views.newest, wander=wander)
         out.append((t, comparison.step(views, 1e-3)))
     return out
 
@@ -71,6 +75,26 @@ def test_an_attitude_that_wanders_as_an_autopilots_does_is_no_contradiction(seed
 @pytest.mark.parametrize("step_m", [2.0, -0.8])
 def test_a_roof_beside_the_ground_below_it_is_no_contradiction(step_m):
     assert failing(compared(wandering(1), step_m=step_m, speed_m_s=1.2)) == ()
+
+
+def converging(t: float):
+    """A heading that turns by ten degrees a second while the vehicle's does not, as after a PX4's takeoff."""
+    return matrix_from_euler(0, 0, math.radians(10) * t) @ gusts(t)
+
+
+@pytest.mark.parametrize("noticed", [True, False])
+def test_a_heading_that_converges_contradicts_only_where_the_rates_of_turn_do_not_show_it(noticed):
+    wander = np.array((0.0, 0.0, 0.15)) if noticed else None
+    found = compared(converging, wander=wander)
+    assert failing(found) == (() if noticed else (Status.ROTATION_CONTRADICTS,))
+    assert sum(freedom for _, (_, freedom) in found) > 80
+
+
+def test_matches_that_any_rotation_explains_are_not_compared():
+    # close to the ground at takeoff, where a pixel of texture fills the picture
+    found = compared(gusts, noise_px=25.0)
+    assert failing(found) == ()
+    assert sum(freedom for _, (_, freedom) in found) < 20
 
 
 def test_its_chi_square_has_its_degrees_of_freedom():

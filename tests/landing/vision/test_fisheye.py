@@ -3,7 +3,8 @@
 import cv2
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from examples import examples
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from landing.errors import LandingError
@@ -39,7 +40,7 @@ def test_projection_is_that_of_opencv(camera: CameraModel, count: int):
 
 
 @example(3.0, 4.0, 3 / 64, 1 / 64)  # the distorted angle exceeds 90 degrees
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(st.floats(-4, 4), st.floats(-4, 4), st.floats(-0.05, 0.05), st.floats(-0.02, 0.02))
 def test_normalised_points_come_back(x: float, y: float, k1: float, k2: float):
     camera = CameraModel(320, 240, MATRIX, np.array((k1, k2, 0.0, 0.0)), equidistant=True)
