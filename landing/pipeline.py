@@ -16,6 +16,7 @@ from landing.ground.appearance import AppearanceChange
 from landing.ground.border import Border
 from landing.ground.drop_off import DropOff
 from landing.ground.ground import Ground
+from landing.ground.ground_velocity import passage
 from landing.ground.roughness import Relief, ReliefMap
 from landing.motion.contradictions import Contradictions, velocity_chi2
 from landing.motion.fixed_parts import FixedParts, Mask
@@ -116,8 +117,8 @@ class SurfacePipeline:
         self.relief.memory.move(*(prediction or (None, None)))
         passed_s, self._last_s = observation.time_s - self._last_s, observation.time_s
         plane = self.estimator.step(self.views)
-        sink_m_s = 0.0 if observation.velocity_ned is None else float(observation.velocity_ned[2])
-        self.ground.motion.follow(passed_s, self.views, plane, self.options.estimator, sink_m_s)
+        sink = 0.0 if observation.velocity_ned is None else float(observation.velocity_ned[2])
+        self.ground.motion.follow(passed_s, lambda: passage(self.views, plane, self.options.estimator), sink)
         confirmed = self.time_offset.confirmed
         self.time_offset.step(self.views, plane)
         if self.time_offset.moved:

@@ -10,6 +10,7 @@ view shows, g and b wander.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -170,13 +171,11 @@ class GroundVelocity:
         (nn, ne), (_, ee) = self._covariance[1:3, 1:3].tolist()
         return math.sqrt((nn + ee) / 2 + math.hypot((nn - ee) / 2, ne))
 
-    def follow(
-        self, passed_s: float, views: Views, plane: Plane, options: EstimatorOptions, sink_m_s: float
-    ) -> None:
-        """Take a frame ``passed_s`` after the last one: measure where it is time to, else carry on as measured last."""
+    def follow(self, passed_s: float, look: Callable[[], Passage | None], sink_m_s: float = 0.0) -> None:
+        """Take a frame ``passed_s`` after the last one: ``look`` where it is time to, else carry on as seen last."""
         due = self._since_s + passed_s >= 0.9 * _EVERY_S
         if due or not math.isfinite(self._approach) or not 0 <= passed_s <= _LONGEST_S:
-            self.step(passed_s, passage(views, plane, options), sink_m_s)
+            self.step(passed_s, look(), sink_m_s)
         else:
             self._since_s += passed_s
             self._carry(passed_s, self._approach, sink_m_s)
