@@ -132,6 +132,7 @@ class VehicleState:
         over = any(part in text.split() for part in OVER_TEXTS)
         if any(part in text for part in RADIO_LOST_TEXTS) or text.startswith("manual control"):
             self._radio_text_us = None if over else now_us
-        # ArduCopter's HEARTBEAT stays ACTIVE when its fence is breached
-        if "failsafe" in text or ("fence" in text and "breach" in text):
+        # ArduCopter's HEARTBEAT stays ACTIVE when its fence is breached; "PrecLand: Failsafe Measures" only says that a
+        # landing begins without a target
+        if ("failsafe" in text and not text.startswith("precland")) or ("fence" in text and "breach" in text):
             self._failsafe_text_us = None if over else now_us

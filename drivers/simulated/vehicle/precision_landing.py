@@ -164,7 +164,10 @@ class PrecisionLanding:
         self._parameters = parameters
         self._ardupilot = ArduPilotTarget(parameters, texts)
         self._px4 = Px4Target(parameters, texts)
+        self._texts = texts
         self._place: tuple[float, float] | None = None
+        self._failsafe_measures = False
+        """Whether ArduCopter has reported that it lands without a target; its word for that is no failsafe."""
 
     def take(self, m: Any, px4: bool, v: Multirotor) -> None:
         """A LANDING_TARGET message."""
@@ -179,6 +182,7 @@ class PrecisionLanding:
 
     def begin(self, v: Multirotor) -> None:
         """A flight mode was entered."""
+        self._failsafe_measures = False
         self._px4.begin(v.position, v.time_s)
 
     def precland(self, v: Multirotor) -> tuple[Vector, bool]:
@@ -189,6 +193,9 @@ class PrecisionLanding:
         """ArduCopter's LAND: the place to come down on, if any, and whether to sink now (PLND_XY_DIST_MAX)."""
         place = self._place
         if place is None:
+            if self._parameters["PLND_ENABLED"] == 1 and not self._failsafe_measures:
+                self._failsafe_measures = True
+                self._texts.append((6, "PrecLand: Failsafe Measures"))
             return None, True
         far_m = self._parameters["PLND_XY_DIST_MAX"]
         away_m = math.hypot(place[0] - v.position[0], place[1] - v.position[1])

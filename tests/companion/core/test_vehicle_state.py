@@ -39,6 +39,7 @@ LATER = CONFIRM_US * 1e-6 + 0.1
         (((0, beat()), (0.1, text("EKF3 IMU0 origin set"))), False),
         (((0, beat()), (0.1, text("Fences enabled, but none selected"))), False),
         (((0, beat()), (0.1, text("Terrain breach ahead"))), False),
+        (((0, beat()), (0.1, text("PrecLand: Failsafe Measures"))), False),
         (((0, beat()), (0.1, text("Circle fence breached"))), True),
         (((0, beat()), (0.1, text("Circle fence breached")), (0.2, text("Fence breach cleared"))), False),
         (((0, text("Battery Failsafe")), (0.5, beat())), True),

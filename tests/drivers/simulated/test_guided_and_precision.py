@@ -99,6 +99,7 @@ def test_ardupilot_uses_a_target_after_two_seconds_and_loses_it_after_two(
         "PrecLand: Target Found",
         "PrecLand: Init Complete",
         "PrecLand: Target Lost",
+        "PrecLand: Failsafe Measures",
     ]
 
 

@@ -2,9 +2,10 @@
 
 import importlib.util
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from types import ModuleType
+from typing import Any
 
 import mutation
 import pytest
@@ -59,19 +60,24 @@ def test_every_rule_of_the_permission_is_needed() -> None:
     assert mutation.survivors(permission, passes) == []
 
 
+def _named(names: str | tuple[str, ...], rows: Iterable[Any]) -> Iterator[dict[str, object]]:
+    """The arguments by name of every row of a ``parametrize``."""
+    split = [name.strip() for name in names.split(",")] if isinstance(names, str) else list(names)
+    for row in rows:
+        yield dict(zip(split, (row,) if len(split) == 1 else row, strict=True))
+
+
 def cases(module: ModuleType) -> list[Callable[[], None]]:
     """The tests of a module with all their parameters, but for those of random input."""
     found: list[Callable[[], None]] = []
     for name, test in vars(module).items():
         if not name.startswith("test_") or hasattr(test, "hypothesis"):
             continue
-        marks = [mark for mark in getattr(test, "pytestmark", ()) if mark.name == "parametrize"]
-        if not marks:
-            found.append(test)
-            continue
-        names = marks[0].args[0]
-        one = isinstance(names, str) and "," not in names
-        found += [partial(test, *((values,) if one else values)) for values in marks[0].args[1]]
+        given: list[dict[str, object]] = [{}]
+        for mark in getattr(test, "pytestmark", ()):
+            if mark.name == "parametrize":
+                given = [{**values, **more} for values in given for more in _named(*mark.args[:2])]
+        found += [partial(test, **values) for values in given]
     return found
 
 

@@ -1,15 +1,19 @@
-"""The ground's own velocity: told by a vehicle that changes its velocity, unknown to one that does not."""
+"""The ground's own velocity: known when the vehicle changes its velocity, unknown when it does not."""
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import synthetic_flow
 from examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
 
-from landing.ground.ground_velocity import GroundVelocity, Passage, misfit
+from landing.ground.ground_velocity import GroundVelocity, Passage, misfit, passage
+from landing.options import EstimatorOptions
+from landing.reasons import Status
 
 FRAME_S, INTERVAL_S = 1 / 15, 0.5
 
@@ -24,8 +28,8 @@ def fly(velocities, distance_m=3.0, ground=(0.0, 0.0), drift=(0.0, 0.0, 0.0), la
         distance_m -= velocity[2] * FRAME_S
         over = velocity - (*ground, 0.0)
         flow = over / distance_m + random.normal(0, 0.003, 3)
-        told = velocity + drift + random.normal(0, noise, 3) - lag_s * acceleration
-        seen = Passage(INTERVAL_S, flow, np.full(3, 0.003), told, noise, acceleration, float(flow[2]))
+        reported = velocity + drift + random.normal(0, noise, 3) - lag_s * acceleration
+        seen = Passage(INTERVAL_S, flow, np.full(3, 0.003), reported, noise, acceleration, float(flow[2]))
         filtered.follow(FRAME_S, lambda seen=seen: seen)
     return filtered, distance_m
 
@@ -107,6 +111,88 @@ def test_another_ground_below_is_found_anew():
     assert found.distance_m == pytest.approx(2.0, rel=0.2)
 
 
+def test_another_ground_below_is_learnt_within_a_second():
+    found, _ = fly(started())
+    for k in range(15):
+        velocity = np.array((1.2 + 0.5 * math.sin(k / 3), 0.3 * math.sin(k / 3), 0.0))
+        acceleration = np.array((0.5 / 3 * math.cos(k / 3), 0.1 * math.cos(k / 3), 0.0)) / FRAME_S
+        flow = (velocity - (0.7, 0.0, 0.0)) / 2.0
+        found.step(FRAME_S, Passage(INTERVAL_S, flow, np.full(3, 0.003), velocity, 0.01, acceleration, 0.0))
+    assert found.velocity == pytest.approx((0.7, 0.0), abs=0.06)
+
+
+def test_the_distance_is_doubtful_or_unknown_together_with_its_doubt():
+    assert math.isnan(GroundVelocity().distance_m)
+    assert math.isnan(GroundVelocity().distance_std_m)
+    found, distance_m = fly(started())
+    assert 0 < found.distance_std_m < 0.3 * distance_m
+
+
+TILTED = np.array((0.05, -0.02, 1.0))
+
+
+def seen_plane(normal=TILTED, status=Status.OK, noise=1.0, weights=np.ones):
+    return SimpleNamespace(normal=normal, status=status, noise=noise, fit_error=0.0, weights=weights)
+
+
+def over_level(up=False, told=lambda k: True, known=lambda k: True, frames=12):
+    """Views of a vehicle that flies north at 0.9 m/s, 2 m over level ground; ``up``: the camera looks up at it."""
+    rng = np.random.default_rng(4)
+    points = synthetic_flow.ground(rng, 0.0, 0.0, 2.0, 8.0, 300)
+    flight = synthetic_flow.Flight(points * (1, 1, -1) if up else points, rng, 0.1)
+    over = np.diag((1.0, -1.0, -1.0)) if up else np.eye(3)
+    velocity = np.array((0.9, 0.0, 0.0))
+    for k in range(frames):
+        t = k * FRAME_S
+        views = flight.step(t, velocity * t, over, known=known(k), velocity_ned=velocity if told(k) else None)
+    return views
+
+
+def test_the_flow_times_the_distance_is_the_velocity():
+    found = passage(over_level(), seen_plane(np.array((0.0, 0.0, 1.0))), EstimatorOptions())
+    assert found.flow * 2.0 == pytest.approx((0.9, 0.0, 0.0), abs=0.02)
+    assert found.velocity == pytest.approx((0.9, 0.0, 0.0), abs=1e-6)
+    assert found.acceleration == pytest.approx((0.0, 0.0, 0.0))
+    doubtful = passage(
+        over_level(), seen_plane(np.array((0.0, 0.0, 1.0)), noise=math.nan), EstimatorOptions()
+    )
+    assert doubtful.flow * 2.0 == pytest.approx((0.9, 0.0, 0.0), abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("views", "plane"),
+    [
+        ({"frames": 1}, {}),
+        ({"known": lambda k: k < 11}, {}),
+        ({"told": lambda k: k < 11}, {}),
+        ({"told": lambda k: k > 10}, {}),
+        ({"told": lambda k: False}, {}),
+        ({}, {"normal": np.full(3, math.nan)}),
+        ({}, {"weights": np.zeros}),
+        ({"up": True}, {"normal": np.full(3, math.nan), "status": Status.MOTION_TOO_SMALL}),
+    ],
+    ids=[
+        "one_frame",
+        "no_attitude",
+        "no_velocity_now",
+        "none_before",
+        "none",
+        "no_plane",
+        "no_tracks",
+        "looking_up",
+    ],
+)
+def test_without_tracks_attitude_velocity_or_plane_nothing_is_seen(views, plane):
+    assert passage(over_level(**views), seen_plane(**plane), EstimatorOptions()) is None
+
+
+def test_of_a_motion_too_small_for_a_plane_a_level_one_is_taken():
+    unknown = seen_plane(np.full(3, math.nan), Status.MOTION_TOO_SMALL, math.nan)
+    found = passage(over_level(), unknown, EstimatorOptions())
+    assert found.flow * 2.0 == pytest.approx((0.9, 0.0, 0.0), abs=0.02)
+    assert found.flow_std.max() > passage(over_level(), seen_plane(), EstimatorOptions()).flow_std.max()
+
+
 @examples(25)
 @given(
     st.floats(0, 1.5), st.floats(0, 2 * math.pi), st.floats(0.8, 15), st.floats(0.3, 3), st.integers(0, 1000)
@@ -160,9 +246,9 @@ def over_a_ridge(share):
         wrong = 1.3 if int(time_s / 1.5) % 2 else 0.7
         flow = np.array((north * wrong / 4.0, 0.0, 0.1 * (wrong - 1)))
         std = np.full(3, math.hypot(0.003, share * float(np.linalg.norm(flow))))
-        told = np.array((north, 0.0, 0.0))
+        reported = np.array((north, 0.0, 0.0))
         change = np.array((0.99 * math.cos(1.1 * time_s), 0.0, 0.0))
-        filtered.step(FRAME_S, Passage(INTERVAL_S, flow, std, told, 0.03, change, 0.0))
+        filtered.step(FRAME_S, Passage(INTERVAL_S, flow, std, reported, 0.03, change, 0.0))
         if time_s > 3 and math.isfinite(filtered.speed_m_s):
             seen_m_s = max(seen_m_s, filtered.speed_m_s - 2 * filtered.std_m_s)
     return seen_m_s
