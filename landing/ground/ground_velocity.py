@@ -75,7 +75,7 @@ class Passage:
 def passage(views: Views, plane: Plane, options: EstimatorOptions) -> Passage | None:
     """What the newest frames show; None where tracks, attitude or the vehicle's velocity are missing.
 
-    In a hover too little moves for a plane; of so small a flow any plane tells the velocity, and a level one is taken.
+    In a hover too little moves for a plane; for so small a flow any plane gives the velocity, and a level one is taken.
     """
     newest, o = views.newest, options
     if views.longest < 1 or newest.ned_from_camera is None:
@@ -159,7 +159,7 @@ class GroundVelocity:
 
     @property
     def speed_m_s(self) -> float:
-        """The ground's speed; NaN where nothing tells it."""
+        """The ground's speed; NaN where it is unknown."""
         known = math.isfinite(self.distance_m)
         return float(np.linalg.norm(self._state[1:3])) if known else math.nan
 
