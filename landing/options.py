@@ -130,24 +130,24 @@ class EstimatorOptions:
     border_locking_px: Annotated[
         float, Limits(0, 1, "px", "error of a block's shift that no texture helps against")
     ] = 0.1
-    border_unlike: Annotated[
+    appearance_change: Annotated[
         float,
         Limits(
             0.05, 10, "", "logarithm of the brightness ratio from which new ground may be another surface"
         ),
     ] = 0.15
-    border_unlike_sigmas: Annotated[
+    appearance_change_sigmas: Annotated[
         float, Limits(1, 20, "sigma", "the same over how much it usually changes there")
     ] = 2.5
-    brink_sigmas: Annotated[
+    drop_off_sigmas: Annotated[
         float,
         Limits(1, 20, "sigma", "mean height of the tracks nearest to a side that counts as a step edge"),
     ] = 6.0
-    brink_floor: Annotated[
+    drop_off_floor: Annotated[
         float, Limits(0, 0.1, "", "error of a young track's height, over the distance, beside its own")
     ] = 0.005
-    brink_tracks: Annotated[int, Limits(2, 100, "", "fewest tracks such a mean is taken of")] = 4
-    brink_share: Annotated[
+    drop_off_tracks: Annotated[int, Limits(2, 100, "", "fewest tracks such a mean is taken of")] = 4
+    drop_off_share: Annotated[
         float, Limits(0.02, 0.5, "", "share of the view, from a side, that such a mean reaches into")
     ] = 0.35
     max_roughness_std: Annotated[

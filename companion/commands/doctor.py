@@ -36,7 +36,7 @@ def run(args: argparse.Namespace) -> int:
     """Print one line a finding."""
     if args.seconds < SHORTEST_S:
         raise LandslopeError(
-            f"--seconds {args.seconds:g} is too short to tell rates: at least {SHORTEST_S:g}"
+            f"--seconds {args.seconds:g} is too short to measure rates: at least {SHORTEST_S:g}"
         )
     cv2.setNumThreads(1)
     try:

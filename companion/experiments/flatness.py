@@ -112,8 +112,8 @@ def section(outcomes: list[Outcome], out: Path) -> Section:
         ratio = {k: max(v) / min(v) for k, v in spread.items()}
         lines.append(
             f"{method}: between approaches of different speed, at the same height, the fit error changes by a "
-            f"factor of {ratio['fit_error_px']:.2f}, the roughness of {ratio['roughness']:.2f}; they tell structured "
-            f"from flat with an AUC of {found[0]:.3f} and {found[2]:.3f} (inliers: {found[1]:.3f})"
+            f"factor of {ratio['fit_error_px']:.2f}, the roughness of {ratio['roughness']:.2f}; AUC of structured "
+            f"against flat {found[0]:.3f} and {found[2]:.3f} (inliers: {found[1]:.3f})"
         )
     return Section(
         "Fig. 8: flat against structured scenes",

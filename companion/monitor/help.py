@@ -8,7 +8,7 @@ EMPTY = """<h2>No vehicle is heard yet</h2>
 <code>landslope monitor --listen</code> or the router listens on.</li>
 <li>Is it the right name? <code>--vehicle</code> and <code>?vehicle=</code> in the address must be the vehicle's
 <code>vehicle.name</code>.</li>
-<li>Does the network let it through? <code>landslope watch --connect tcp/ADDRESS:7447</code> on the vehicle tells.</li>
+<li>Does the network let it through? Try <code>landslope watch --connect tcp/ADDRESS:7447</code> on the vehicle.</li>
 </ol>
 <p>To see the page at work without a vehicle, replay a flight into it:
 <code>landslope replay FLIGHT --realtime --publish</code> and <code>landslope monitor --scouting</code>.</p>"""

@@ -67,7 +67,7 @@ class _Turns:
 def align_log(
     attitudes: list[Attitude], frames: Iterable[Frame], camera: CameraModel, tracking: TrackingOptions
 ) -> LogOffset:
-    """Where the frames lie in the log; LandslopeError where the flight turns too little to tell, or nothing agrees."""
+    """Where the frames lie in the log; LandslopeError where the flight turns too little, or nothing agrees."""
     turns = _turns(frames, camera, tracking)
     log = _Log(attitudes)
     lag_s = _coarse(log, turns)

@@ -63,9 +63,14 @@ _FIXED_ESTIMATOR = (
     "quadratic_min_divergence",
 )
 
+_DROP_OFF = ("sigmas", "floor", "tracks", "share")
+
 MOVED: dict[str, Moved] = {
     **{f"tracking.{name}": _FIXED for name in _FIXED_TRACKING},
     **{f"estimator.{name}": _FIXED for name in _FIXED_ESTIMATOR},
+    "estimator.border_unlike": Moved("estimator.appearance_change"),
+    "estimator.border_unlike_sigmas": Moved("estimator.appearance_change_sigmas"),
+    **{f"estimator.brink_{name}": Moved(f"estimator.drop_off_{name}") for name in _DROP_OFF},
     "tracking.blur_px": Moved(why="pictures are not blurred before tracking"),
     "estimator.border_kept_px": Moved(
         why="a doubt at the border of the view lasts for ground.baseline of motion, until the ground is measured"

@@ -206,7 +206,7 @@ class LandingSettings:
     procedure: Annotated[
         Literal["land", "landing_target", "offboard"],
         Meaning(
-            "land: request the landing where it is; landing_target: and tell where to; offboard: fly there and descend"
+            "land: request the landing where it is; landing_target: and send where to; offboard: fly there and descend"
         ),
     ] = "land"
     takeover_modes: Annotated[

@@ -149,9 +149,10 @@ def in_words(result: FlightResult) -> str:
         lines.append("  fit        never said")
     for r in result.requests:
         height = r.where.height_m - r.where.ground_m
+        # a procedure asks for the disc below, whatever lies beside it
+        over = _disc(r.below) if result.steps else f"ground that is {_described(r.truth, r.fitness)}"
         lines.append(
-            f"  requested  at {r.time_s:.1f} s, {r.where.north_m:.1f} m north, {height:.1f} m over ground "
-            f"that is {_described(r.truth, r.fitness)}"
+            f"  requested  at {r.time_s:.1f} s, {r.where.north_m:.1f} m north, {height:.1f} m over {over}"
         )
     if not result.requests:
         lines.append("  requested  no landing")
@@ -181,6 +182,10 @@ def in_words(result: FlightResult) -> str:
     if result.folder is not None:
         lines.append(f"  recorded   {result.folder}")
     return "\n".join(lines)
+
+
+def _disc(below: Patch) -> str:
+    return f"a disc of {below.inclination_deg:.1f} degrees (uneven by {100 * below.deviation_m:.0f} cm)"
 
 
 def _described(truth: FrameTruth, fitness: Fitness) -> str:

@@ -238,7 +238,7 @@ class Sih(_Piloted):
         self._pilot: MavlinkPilot | None = None
         self._before: Hook = lambda time_s: None
         self._after: Hook = lambda time_s: None
-        self._told: deque[Any] = deque(maxlen=WAITING_POSES)
+        self._reported: deque[Any] = deque(maxlen=WAITING_POSES)
         self._clock = FollowedClock()
         self._taken_s = 0.0
         self._stop = threading.Event()
@@ -246,7 +246,7 @@ class Sih(_Piloted):
 
     def start(self, before_step: Hook, after_step: Hook) -> None:
         self._before, self._after = before_step, after_step
-        self._pilot = MavlinkPilot(self._pilot_connection, follow=self._told.append)
+        self._pilot = MavlinkPilot(self._pilot_connection, follow=self._reported.append)
         self.controls: Controls = _RemoteControls(self._pilot, self._vehicle)
         self._thread.start()
 
@@ -271,8 +271,8 @@ class Sih(_Piloted):
             if time.monotonic() - asked_s > ASK_POSES_S and time.monotonic() - self._taken_s > ASK_POSES_S:
                 asked_s = time.monotonic()
                 self._pilot.ask_poses()
-            while self._told:
-                self._take(self._told.popleft())
+            while self._reported:
+                self._take(self._reported.popleft())
 
     def _take(self, message: Any) -> None:
         if message.get_type() != "ODOMETRY":

@@ -7,7 +7,7 @@ import numpy as np
 
 from companion.replay.plot import require_matplotlib
 from companion.simulation.flight_result import FlightResult
-from companion.simulation.ground import patch
+from companion.simulation.ground import patch, unsafe
 from companion.simulation.scenario import Scenario
 
 if TYPE_CHECKING:
@@ -21,6 +21,8 @@ SECTION_STEP_M = 0.02
 MARGIN_M = 1.5
 SHORT_WAY_M = 1.0
 TRUTH_EVERY = 5
+LABELLED = 0.02
+"""Share of the flight from which a state of the procedure has its name."""
 VIEW_M = 1.0
 """Half the side of the ground whose true inclination is drawn."""
 
@@ -73,7 +75,9 @@ def _draw_section(axis: "Axes", result: FlightResult, scenario: Scenario) -> Non
     axis.plot(along, np.where(landing, up, np.nan), color=PATH, lw=3, ls=":", label="landing")
     for request in result.requests:
         s = float(np.interp(request.time_s, times, along))
-        colour = WRONG if request.fitness == "unfit" else "black"
+        # a procedure asks for the disc below, whatever lies beside it
+        unfit = unsafe(request.below, result.limit_deg) if result.steps else request.fitness == "unfit"
+        colour = WRONG if unfit else "black"
         axis.plot(s, request.where.height_m, "v", color=colour, ms=11, label="landing requested")
         axis.annotate(
             f"landing requested\n{request.time_s:.1f} s", (s, request.where.height_m), xytext=(8, 10),
@@ -152,6 +156,17 @@ def _draw_inclination(axis: "Axes", result: FlightResult, scenario: Scenario) ->
 def _draw_height(axis: "Axes", result: FlightResult) -> None:
     times = [p.time_s for p in result.path]
     axis.plot(times, [p.height_m - p.ground_m for p in result.path], color=PATH, lw=1.2)
+    steps = result.steps
+    changes = [k for k in range(len(steps)) if k == 0 or steps[k].step.state is not steps[k - 1].step.state]
+    for number, k in enumerate(changes):
+        end = changes[number + 1] if number + 1 < len(changes) else len(steps) - 1
+        axis.axvspan(steps[k].time_s, steps[end].time_s, color=PATH, alpha=0.05 + 0.1 * (number % 2), lw=0)
+        if steps[end].time_s - steps[k].time_s < LABELLED * result.duration_s:
+            continue
+        axis.annotate(
+            steps[k].step.state.value.replace("_", " "), (steps[k].time_s, 1.0), xytext=(2, -3),
+            xycoords=("data", "axes fraction"), textcoords="offset points", fontsize=7, rotation=90, va="top",
+        )  # fmt: skip
     axis.set_ylabel("height over\nground (m)")
     axis.set_xlabel("time (s)")
     axis.set_ylim(bottom=0)

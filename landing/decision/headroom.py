@@ -6,8 +6,9 @@ from collections import deque
 from landing.decision.orders import NAN, Inputs
 from landing.decision.procedure_options import LOST_S
 
-SURE_S = 0.4
-"""So long ground must be seen to be that high: a single height may be wrong."""
+SURE_S = 1.0
+"""So long ground must be seen to be that high: heights may be wrong for half a second, and what is flown across at full
+speed is within reach for more than two."""
 STAND_STILL = 0.8
 """Share of the least height below which nothing is flown level any more."""
 

@@ -79,8 +79,8 @@ class AppearanceChange:
         self._kept_px = kept_px
         self._left_px = dict.fromkeys(range(len(SIDES)), 0.0)
         self._possible = min(camera.width, camera.height) >= 2 * _INNER.stop
-        self._sigmas = options.border_unlike_sigmas
-        self._sides = [_Usual(axis, far, options.border_unlike / self._sigmas) for axis, far in SIDES]
+        self._sigmas = options.appearance_change_sigmas
+        self._sides = [_Usual(axis, far, options.appearance_change / self._sigmas) for axis, far in SIDES]
         self._shown: Image | None = None
         self.take_mask(camera)
 

@@ -23,21 +23,21 @@ class DropOff:
         """Contribution to the view's mean square height of the most significant step edge; 0 where none is significant.
 
         ``pixels`` (n, 2) are the places of the relief's tracks, ``sides`` the numbers (``border.SIDES``) of those at
-        which ground comes in. Heights have a common error as well (``brink_floor``), since tracks of one age share
+        which ground comes in. Heights have a common error as well (``drop_off_floor``), since tracks of one age share
         their older picture.
         """
         o, most = self.options, 0.0
-        information = 1 / (relief.std**2 + o.brink_floor**2)
+        information = 1 / (relief.std**2 + o.drop_off_floor**2)
         for axis, far in (SIDES[number] for number in sides):
             place = pixels[:, axis]
             depth = (self._size[axis] - 1 - place if far else place) / self._size[axis]
-            order = depth.argsort(kind="stable")[: np.count_nonzero(depth < o.brink_share)]
-            if len(order) < o.brink_tracks:
+            order = depth.argsort(kind="stable")[: np.count_nonzero(depth < o.drop_off_share)]
+            if len(order) < o.drop_off_tracks:
                 continue
             known = information[order]
             total = known.cumsum()
             mean = (known * relief.height[order]).cumsum() / total
-            sure = np.abs(mean) * np.sqrt(total) > o.brink_sigmas
-            sure[: o.brink_tracks - 1] = False
+            sure = np.abs(mean) * np.sqrt(total) > o.drop_off_sigmas
+            sure[: o.drop_off_tracks - 1] = False
             most = max(most, float(np.where(sure, mean * mean * depth[order], 0.0).max()))
         return most

@@ -2,7 +2,7 @@
 
 Four comparisons, each with its own statistic: the rotation that the tracks of a short time show, against the
 vehicle's and what both may be wrong by; the motion over the plane against the autopilot's velocity, whose direction
-must agree for some height, and whose changes tell whether the ground moves by itself; the height by that velocity
+must agree for some height, and whose changes show whether the ground moves by itself; the height by that velocity
 against the rangefinder's; the lateness of the frames against what it was and against the bound of the search. All but
 the last are means over the last second or two of chi-square per degree of freedom: 1 where all is well, whatever the
 noise.

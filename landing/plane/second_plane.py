@@ -2,7 +2,7 @@
 
 A homography R (I - t n^T) has eight degrees of freedom, as many as rotation, displacement and normal together. So the
 tracks fit both decompositions alike (Ma, Soatto, Kosecka and Sastry 2004, theorem 5.19); only what is known before
-tells them apart: how far a camera turns, how steep ground is, and that all points lie before it. For a motion without
+distinguishes them: how far a camera turns, how steep ground is, and that all points lie before it. For a motion without
 rotation the second normal points along the motion.
 """
 

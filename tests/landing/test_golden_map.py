@@ -15,8 +15,8 @@ FLOW = (0.01, 0.03)
 CONTACT = (0.02, 0.08)
 
 
-SECONDS = {"descent_a": 25.0}
-"""Down onto the slope and up; the others to their ends."""
+SECONDS = {"descent_a": 25.0, "agile_a": 22.0}
+"""Down onto the slope and up, and most of the turns; the others to their ends."""
 
 
 @pytest.fixture(scope="module", params=NAMES)

@@ -13,8 +13,8 @@ def flapping(seconds: int, name: str = "attitude_lost", every: int = 1):
     """What is reported of an event a second: (when, event)."""
     events, out = RecurringEvents(), []
     for s in range(seconds):
-        told = [event(name, s, s * SECOND_US, "attitude late")] if s % every == 0 else []
-        out += [(s, e) for e in events.step(told, s * SECOND_US)]
+        events_now = [event(name, s, s * SECOND_US, "attitude late")] if s % every == 0 else []
+        out += [(s, e) for e in events.step(events_now, s * SECOND_US)]
     return events, out
 
 
@@ -48,8 +48,8 @@ def test_one_input_does_not_hide_another():
     events = RecurringEvents()
     for s in range(8):
         events.step([event("input_stale", None, 0, "attitude", {"input": "attitude"})], s * SECOND_US)
-    told = event("input_stale", None, 0, "frames", {"input": "frames"})
-    assert events.step([told], 8 * SECOND_US) == [told]
+    events_now = event("input_stale", None, 0, "frames", {"input": "frames"})
+    assert events.step([events_now], 8 * SECOND_US) == [events_now]
 
 
 @given(st.lists(st.integers(0, 40), max_size=60))
@@ -57,7 +57,7 @@ def test_none_is_lost(gaps):
     events, now_us, count = RecurringEvents(), 0, 0
     for gap in gaps:
         now_us += gap * SECOND_US
-        told = events.step([event("attitude_back", None, now_us)], now_us)
-        count += sum(e.details.get("times", 1) for e in told)
+        events_now = events.step([event("attitude_back", None, now_us)], now_us)
+        count += sum(e.details.get("times", 1) for e in events_now)
     count += sum(e.details["times"] for e in events.finish(now_us))
     assert count == len(gaps)

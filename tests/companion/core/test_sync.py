@@ -304,9 +304,9 @@ def test_two_links_of_one_vehicle_are_one_and_their_copies_are_counted():
     sync, refused = Synchroniser(Settings(), True), []
     ready, notices = [], []
     for sample in sorted([*once, *copies], key=lambda s: s.arrival_us):
-        frames, told = sync.feed(sample)
+        frames, found = sync.feed(sample)
         ready += frames
-        notices += [notice.name for notice in told]
+        notices += [notice.name for notice in found]
         refused += sync.refusals()
     alone, _ = run(once)
     assert notices == ["clock_settled"]

@@ -25,10 +25,10 @@ IN_THE_PICTURE = (
     "30 % outliers",
 )
 CASES = [
-    *(("steep", nuisance) for nuisance in (*AT_THE_ATTITUDE, *IN_THE_PICTURE)),
+    *(("steep", nuisance) for nuisance in ("gyro bias of 1 deg/s", "attitude at 10 Hz", *IN_THE_PICTURE)),
     *(("agile", nuisance) for nuisance in (*AT_THE_ATTITUDE, "30 % outliers")),
-    *(("stairs", nuisance) for nuisance in ("half without texture", "propeller", "30 % outliers")),
-    *(("descent", nuisance) for nuisance in ("half without texture", "moving shadow", "attitude at 10 Hz")),
+    *(("stairs", nuisance) for nuisance in ("half without texture", "30 % outliers")),
+    *(("descent", nuisance) for nuisance in ("half without texture", "attitude at 10 Hz")),
 ]
 
 
@@ -38,9 +38,9 @@ def test_never_a_confident_wrong_answer(cut: str, nuisance: str):
     # a single frame is no verdict: the dwell time stands before it
     assert outcome.unsafe_flat == 0
     assert outcome.unsafe > 0 or cut == "agile"
-    judged = len(outcome.errors) + len(outcome.silent)
-    assert judged >= 20
-    assert len(outcome.silent) <= MOST_SILENT * judged, outcome.silent
+    counted = len(outcome.errors) + len(outcome.silent)
+    assert counted >= 20
+    assert len(outcome.silent) <= MOST_SILENT * counted, outcome.silent
     assert outcome.within(SIGMAS, BOUND_DEG) >= NEARLY_ALL
     if cut == "agile" and nuisance in STAMPS:
         # up to 60 deg/s for 20 ms: 1.2 degrees of attitude, until the pictures show it

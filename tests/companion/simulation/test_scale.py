@@ -35,12 +35,12 @@ def scheduler() -> Iterator[str]:
 
 
 @pytest.mark.slow
-def test_two_workers_fly_what_one_process_flies(tmp_path: Path, scheduler: str) -> None:
+def test_a_worker_flies_what_this_process_flies(tmp_path: Path, scheduler: str) -> None:
     table = tmp_path / "flights.parquet"
-    words = ["sim", "--runs", "2", "--seed", "2", "--table", str(table), "--dask", scheduler]
+    words = ["sim", "--runs", "1", "--seed", "3", "--table", str(table), "--dask", scheduler]
     assert cli.main(words) in (0, 1)
     rows = read_rows(table)
-    assert [row["seed"] for row in rows] == [2, 3]
+    assert [row["seed"] for row in rows] == [3]
     assert rows[0]["version"]
     # taken up again: what has been flown is not flown again
     parts = set(table.glob("*.parquet"))
@@ -50,7 +50,7 @@ def test_two_workers_fly_what_one_process_flies(tmp_path: Path, scheduler: str) 
     for name in (
         "outcome", "requested_s", "inclination_deg", "relief", "patch_inclination_deg", "fit_s", "chance_s"
     ):  # fmt: skip
-        assert rows[1][name] == getattr(alone, name), name
+        assert rows[0][name] == getattr(alone, name), name
     assert alone.requested_s is not None
 
 

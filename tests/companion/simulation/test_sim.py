@@ -112,7 +112,7 @@ def test_lockstep_lands_on_the_level_part(small: Scenario, flown: FlightResult) 
 def test_the_same_seed_gives_the_same_flight() -> None:
     def estimates(seed: int) -> list[object]:
         scenario = random_scenario(seed)
-        scenario = replace(scenario, basics=replace(scenario.basics, duration_s=2.0))
+        scenario = replace(scenario, basics=replace(scenario.basics, duration_s=1.2))
         return [fly(scenario).estimates]
 
     assert estimates(7) == estimates(7)

@@ -110,7 +110,7 @@ class Picamera2:
     def configure(self, configuration):
         c = configuration["controls"]
         assert configuration["main"]["format"] == "YUV420"
-        self.told = (c["FrameDurationLimits"][0], c.get("ExposureTime", 0), c.get("AnalogueGain", -1))
+        self.requested = (c["FrameDurationLimits"][0], c.get("ExposureTime", 0), c.get("AnalogueGain", -1))
         self.width, self.height = configuration["main"]["size"]
     def start(self):
         self.frames = 0
@@ -123,7 +123,7 @@ class Picamera2:
         return self
     def make_array(self, name):
         picture = np.full((self.height * 3 // 2, self.width + 32), 60, np.uint8)
-        picture[0, :3] = [max(0, n) // m for n, m in zip(self.told, (1000, 100, 1))]
+        picture[0, :3] = [max(0, n) // m for n, m in zip(self.requested, (1000, 100, 1))]
         picture[:, self.width:] = 255
         return picture
     def get_metadata(self):

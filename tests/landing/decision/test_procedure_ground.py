@@ -45,7 +45,7 @@ def test_ground_that_rises_near_the_vehicle_stops_a_search_and_is_climbed_over()
 
 def test_a_search_from_lower_down_stays_above_the_highest_ground_that_it_flew_across():
     flight = searching()
-    for _ in range(int(1 / DT)):
+    for _ in range(int(2 / DT)):
         flight.step(clear_m=-flight.place[2] - 1.2)  # a roof of 1.2 m
     lowest = math.inf
     while flight.step().state is State.SEARCH:

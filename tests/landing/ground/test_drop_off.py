@@ -54,6 +54,6 @@ def test_only_where_ground_comes_in():
 
 def test_few_tracks_say_nothing():
     relief, pixels = tracks(1, 0, 0.5, 0.12)
-    some = np.flatnonzero(pixels[:, 1] < OPTIONS.brink_share * 239)[: OPTIONS.brink_tracks - 1]
+    some = np.flatnonzero(pixels[:, 1] < OPTIONS.drop_off_share * 239)[: OPTIONS.drop_off_tracks - 1]
     few = Relief(relief.slots[some], relief.height[some], relief.std[some], 0.0, 0.003, 0, 0)
     assert DropOff(OPTIONS, CAMERA).step(few, pixels[some], {0}) == 0.0

@@ -1,4 +1,4 @@
-"""The ground's own velocity: told by a vehicle that changes its velocity, unknown to one that does not."""
+"""The ground's own velocity: known when the vehicle changes its velocity, unknown when it does not."""
 
 import math
 from dataclasses import replace
@@ -28,11 +28,9 @@ def fly(velocities, distance_m=3.0, ground=(0.0, 0.0), drift=(0.0, 0.0, 0.0), la
         distance_m -= velocity[2] * FRAME_S
         over = velocity - (*ground, 0.0)
         flow = over / distance_m + random.normal(0, 0.003, 3)
-        told = velocity + drift + random.normal(0, noise, 3) - lag_s * acceleration
-        filtered.step(
-            FRAME_S,
-            Passage(INTERVAL_S, flow, np.full(3, 0.003), told, noise, acceleration, float(flow[2])),
-        )
+        reported = velocity + drift + random.normal(0, noise, 3) - lag_s * acceleration
+        seen = Passage(INTERVAL_S, flow, np.full(3, 0.003), reported, noise, acceleration, float(flow[2]))
+        filtered.follow(FRAME_S, lambda seen=seen: seen)
     return filtered, distance_m
 
 
@@ -216,6 +214,28 @@ def test_a_passage_without_time_changes_nothing():
     assert math.isnan(found.speed_m_s)
 
 
+def test_it_looks_ten_times_a_second_and_carries_the_distance_on_between():
+    found, _ = fly(started(seconds=3.0, sink=0.3))
+    before_m, looks = found.distance_m, 0
+    sinking = Passage(INTERVAL_S, np.full(3, 0.1), np.full(3, 1e3), np.zeros(3), 1e3, np.zeros(3), 0.1)
+
+    def look():
+        nonlocal looks
+        looks += 1
+        return sinking
+
+    for _ in range(30):
+        found.follow(1 / 30, look)
+    assert looks in (10, 11)
+    assert found.distance_m == pytest.approx(before_m * math.exp(-0.1), rel=0.02)
+    # while nothing is seen every frame is asked
+    for _ in range(10):
+        found.follow(1 / 30, lambda: None)
+    for _ in range(2):
+        found.follow(1 / 30, look)
+    assert looks in (11, 12)
+
+
 def over_a_ridge(share):
     """The fastest that the ground seems, over ground whose plane is wrong by 30 % to either side every 1.5 s."""
     filtered, seen_m_s = GroundVelocity(), 0.0
@@ -226,9 +246,9 @@ def over_a_ridge(share):
         wrong = 1.3 if int(time_s / 1.5) % 2 else 0.7
         flow = np.array((north * wrong / 4.0, 0.0, 0.1 * (wrong - 1)))
         std = np.full(3, math.hypot(0.003, share * float(np.linalg.norm(flow))))
-        told = np.array((north, 0.0, 0.0))
+        reported = np.array((north, 0.0, 0.0))
         change = np.array((0.99 * math.cos(1.1 * time_s), 0.0, 0.0))
-        filtered.step(FRAME_S, Passage(INTERVAL_S, flow, std, told, 0.03, change, 0.0))
+        filtered.step(FRAME_S, Passage(INTERVAL_S, flow, std, reported, 0.03, change, 0.0))
         if time_s > 3 and math.isfinite(filtered.speed_m_s):
             seen_m_s = max(seen_m_s, filtered.speed_m_s - 2 * filtered.std_m_s)
     return seen_m_s

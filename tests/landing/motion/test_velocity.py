@@ -121,7 +121,7 @@ def test_the_newest_velocity_is_the_least_squares_solution(gaps: int):
 
 
 @pytest.mark.parametrize("gaps", [1, 2, 3])
-def test_the_velocity_told_is_the_least_squares_solution(gaps: int):
+def test_the_velocity_reported_is_the_least_squares_solution(gaps: int):
     """Against one system of equations for all three axes: displacements, and omega = k (velocity - error)."""
     rng = np.random.default_rng(gaps)
     tau, per_metre = np.arange(1, gaps + 1) / 10, 0.5
