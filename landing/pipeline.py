@@ -114,8 +114,8 @@ class SurfacePipeline:
         self.relief.memory.move(*(prediction or (None, None)))
         passed_s, self._last_s = observation.time_s - self._last_s, observation.time_s
         plane = self.estimator.step(self.views)
-        sink_m_s = 0.0 if observation.velocity_ned is None else float(observation.velocity_ned[2])
-        self.ground.motion.step(passed_s, passage(self.views, plane, self.options.estimator), sink_m_s)
+        sink = 0.0 if observation.velocity_ned is None else float(observation.velocity_ned[2])
+        self.ground.motion.follow(passed_s, lambda: passage(self.views, plane, self.options.estimator), sink)
         confirmed = self.time_offset.confirmed
         self.time_offset.step(self.views, plane)
         if self.time_offset.moved:

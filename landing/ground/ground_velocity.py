@@ -10,6 +10,7 @@ view shows, g and b wander.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,6 +48,8 @@ _ANEW_M_S = 0.5
 """What the ground's velocity may have changed by then, and half the distance with it."""
 _KNOWN = 0.5
 """Largest relative standard deviation of a distance that is known."""
+_EVERY_S = 0.1
+"""From one measurement to the next: those of half a second that overlap by more say the same again."""
 _LONGEST_S = 5.0
 """After a gap longer than this all begins anew."""
 
@@ -133,6 +136,10 @@ class GroundVelocity:
         self._covariance = np.diag(
             np.square((_FIRST_STD_M, _FIRST_STD_M_S, _FIRST_STD_M_S, _VERTICAL_STD_M_S, _LAG_STD_S))
         )
+        self._approach = math.nan
+        """That of the last measurement; NaN: the last frame showed none."""
+        self._since_s = 0.0
+        """Since the last measurement."""
 
     @property
     def distance_m(self) -> float:
@@ -164,15 +171,31 @@ class GroundVelocity:
         (nn, ne), (_, ee) = self._covariance[1:3, 1:3].tolist()
         return math.sqrt((nn + ee) / 2 + math.hypot((nn - ee) / 2, ne))
 
+    def follow(self, passed_s: float, look: Callable[[], Passage | None], sink_m_s: float = 0.0) -> None:
+        """Take a frame ``passed_s`` after the last one: ``look`` where it is time to, else carry on as seen last."""
+        due = self._since_s + passed_s >= 0.9 * _EVERY_S
+        if due or not math.isfinite(self._approach) or not 0 <= passed_s <= _LONGEST_S:
+            self.step(passed_s, look(), sink_m_s)
+        else:
+            self._since_s += passed_s
+            self._carry(passed_s, self._approach, sink_m_s)
+
     def step(self, passed_s: float, seen: Passage | None, sink_m_s: float = 0.0) -> None:
-        """Take a frame ``passed_s`` after the last one; the vehicle sinks at ``sink_m_s``."""
+        """Take what a frame ``passed_s`` after the last one shows; the vehicle sinks at ``sink_m_s``."""
         if not 0 <= passed_s <= _LONGEST_S:
             self.forget()
             return
-        x, p = self._state, self._covariance
+        self._approach = math.nan if seen is None else seen.approach
+        self._carry(passed_s, self._approach, sink_m_s)
         if seen is not None:
+            self._update(self._since_s + passed_s, seen)
+        self._since_s = 0.0
+
+    def _carry(self, passed_s: float, approach: float, sink_m_s: float) -> None:
+        x, p = self._state, self._covariance
+        if math.isfinite(approach):
             uneven, wanders = _UNEVEN, _WANDERS_M_S
-            nearer = math.exp(-min(max(seen.approach * passed_s, -0.5), 0.5))
+            nearer = math.exp(-min(max(approach * passed_s, -0.5), 0.5))
             x[0] *= nearer
             p[0] *= nearer
             p[:, 0] *= nearer
@@ -182,8 +205,6 @@ class GroundVelocity:
         p[0, 0] += (uneven * x[0]) ** 2 * passed_s
         for axis, rate in ((1, wanders), (2, wanders), (3, _WANDERS_M_S)):
             p[axis, axis] += rate**2 * passed_s
-        if seen is not None:
-            self._update(passed_s, seen)
 
     def _update(self, passed_s: float, seen: Passage) -> None:
         x, p = self._state, self._covariance

@@ -74,7 +74,8 @@ class LensDoubt:
 
     def moves(self, pixels: NDArray[np.floating]) -> Array:
         """f_k (modes, n, 2) at pixels (n, 2), normalised units per sigma."""
-        cell = (np.nan_to_num(pixels) * (1 / CELL_PX)).astype(np.intp)
+        # of places that are not known the first cell: fmax takes the number beside NaN
+        cell = (np.fmax(pixels, 0.0) * (1 / CELL_PX)).astype(np.intp)
         found = self._fields.take(cell[:, 1] * self._columns + cell[:, 0], 0)
         return found.reshape(len(pixels), self.modes, 2).transpose(1, 0, 2)
 

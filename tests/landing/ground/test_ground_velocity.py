@@ -29,10 +29,8 @@ def fly(velocities, distance_m=3.0, ground=(0.0, 0.0), drift=(0.0, 0.0, 0.0), la
         over = velocity - (*ground, 0.0)
         flow = over / distance_m + random.normal(0, 0.003, 3)
         reported = velocity + drift + random.normal(0, noise, 3) - lag_s * acceleration
-        filtered.step(
-            FRAME_S,
-            Passage(INTERVAL_S, flow, np.full(3, 0.003), reported, noise, acceleration, float(flow[2])),
-        )
+        seen = Passage(INTERVAL_S, flow, np.full(3, 0.003), reported, noise, acceleration, float(flow[2]))
+        filtered.follow(FRAME_S, lambda seen=seen: seen)
     return filtered, distance_m
 
 
@@ -214,6 +212,28 @@ def test_a_passage_without_time_changes_nothing():
     still = Passage(INTERVAL_S, np.zeros(3), np.full(3, 0.01), np.zeros(3), 0.0, np.zeros(3), 0.0)
     found.step(FRAME_S, replace(still, flow=np.full(3, 0.01)))
     assert math.isnan(found.speed_m_s)
+
+
+def test_it_looks_ten_times_a_second_and_carries_the_distance_on_between():
+    found, _ = fly(started(seconds=3.0, sink=0.3))
+    before_m, looks = found.distance_m, 0
+    sinking = Passage(INTERVAL_S, np.full(3, 0.1), np.full(3, 1e3), np.zeros(3), 1e3, np.zeros(3), 0.1)
+
+    def look():
+        nonlocal looks
+        looks += 1
+        return sinking
+
+    for _ in range(30):
+        found.follow(1 / 30, look)
+    assert looks in (10, 11)
+    assert found.distance_m == pytest.approx(before_m * math.exp(-0.1), rel=0.02)
+    # while nothing is seen every frame is asked
+    for _ in range(10):
+        found.follow(1 / 30, lambda: None)
+    for _ in range(2):
+        found.follow(1 / 30, look)
+    assert looks in (11, 12)
 
 
 def over_a_ridge(share):
