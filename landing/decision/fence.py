@@ -21,12 +21,13 @@ class Fence:
         o, begin = self._options, self._begin
         if i.contradictions:
             return Why.CONTRADICTED, i.contradictions[0]
-        away = [math.dist(i.place_ned[:2], begin.place_ned[:2])]
-        if i.local_ned is None:
+        if i.local_ned is None or begin.local_ned is None:
             return Why.PERMISSION_ENDED, "no position"
-        if begin.local_ned is not None:
-            # whichever of view and autopilot says farther
-            away.append(math.dist(i.local_ned[:2], begin.local_ned[:2]))
+        # whichever of view and autopilot says farther
+        away = [
+            math.dist(here[:2], start[:2])
+            for here, start in ((i.place_ned, begin.place_ned), (i.local_ned, begin.local_ned))
+        ]
         if not all(m <= o.max_search_m + FENCE_MARGIN_M for m in away):
             return Why.FENCE_DISTANCE, f"{max(away):.1f} m"
         rise = risen(begin, i)

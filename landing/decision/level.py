@@ -33,5 +33,6 @@ class Level:
 
 
 def autopilots(i: Inputs) -> Vector:
-    """The vehicle's place by the autopilot, m NED; by the view where that is unknown."""
-    return i.place_ned if i.local_ned is None else i.local_ned
+    """The vehicle's place by the autopilot, m NED; nothing starts without one, and the fence ends what loses it."""
+    assert i.local_ned is not None
+    return i.local_ned

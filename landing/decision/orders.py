@@ -115,7 +115,7 @@ class Why(StrEnum):
 WORDS = {
     Why.NO_PERMISSION: "waits for the permission",
     Why.MODE_NOT_NAMED: "waits for a flight mode in which it may take over",
-    Why.NO_VELOCITY: "waits for the vehicle's velocity",
+    Why.NO_VELOCITY: "waits for the vehicle's velocity and position",
     Why.TAKING_OVER: "takes over",
     Why.NO_METRES: "moves sideways: the height is not known yet",
     Why.GROUND_UNKNOWN: "moves sideways: the ground is not known yet",

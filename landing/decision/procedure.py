@@ -128,7 +128,9 @@ class Procedure:
             self.why, self._about = Why.NO_PERMISSION, against[0].value
         elif i.mode not in self.options.takeover_modes:
             self.why, self._about = Why.MODE_NOT_NAMED, i.mode or ""
-        elif i.velocity_ned is None or not all(map(math.isfinite, (*i.velocity_ned, *i.place_ned))):
+        elif not all(
+            v is not None and all(map(math.isfinite, v)) for v in (i.velocity_ned, i.local_ned, i.place_ned)
+        ):
             self.why, self._about = Why.NO_VELOCITY, ""
         elif not i.contradictions and not i.quiet:
             return self._start(i)

@@ -55,6 +55,8 @@ def test_it_goes_to_the_place_and_hands_over_low_slow_and_over_it():
         ({"velocity_ned": None}, Why.NO_VELOCITY),
         ({"velocity_ned": (math.nan, 0.0, 0.0)}, Why.NO_VELOCITY),
         ({"place_ned": (math.nan, 0.0, 0.0)}, Why.NO_VELOCITY),
+        ({"local_ned": None}, Why.NO_VELOCITY),
+        ({"local_ned": (0.0, 0.0, math.nan)}, Why.NO_VELOCITY),
     ],
 )
 def test_without_permission_mode_or_velocity_nothing_leaves(changes, why):
