@@ -60,7 +60,7 @@ class ReliefMemory:
         self._locate()
 
     def take_mask(self) -> None:
-        """The camera's mask has changed: what stood out there is no ground, and no track will show that it is even."""
+        """The camera's mask has changed: obstacle points there are no ground, and no track will show it even."""
         mask = self.camera.mask
         if mask is None or not len(self.heights):
             return
